@@ -101,6 +101,9 @@ void fields(FieldList& f, EmulatedArmSettings& s) {
   f.number("encoder_step", arm.encoder_step, {0.0, 1e-2, "rad"}, "Resolution of the encoders.");
   f.number("repeatability", arm.repeatability, {0.0, 1e-3, "m"},
            "Sd of a move's final position, each axis; not measured by the encoders.");
+  f.number("backlash", arm.backlash, {0.0, 1e-3, "m"},
+           "Lost motion of the carrier where a move reverses, each axis; not measured by the "
+           "encoders.");
   f.numbers("compliance", arm.compliance.data(), 6, finite("m/N, rad/(N m)"),
             "Compliance of the flange.");
   f.number("protective_force", arm.protective_force, positive("N"),

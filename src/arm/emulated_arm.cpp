@@ -38,10 +38,14 @@ void moveJoints(EmulatedArm& arm, const JointLimits& limits, double dt) {
   }
 }
 
+Pose byJoints(const EmulatedArm& arm, const ArmKinematics& kinematics) {
+  return arm.place.carrierOf(kinematics.forward(arm.q));
+}
+
 // Draws a new repeatability error where a move has ended.
 void settle(EmulatedArm& arm, const ArmKinematics& kinematics, double dt) {
   if (arm.rate.cwiseAbs().maxCoeff() < kStill) {
-    const Pose at = arm.place.carrierOf(kinematics.forward(arm.q));
+    const Pose at = byJoints(arm, kinematics);
     if ((at.p - arm.drawn_at.p).norm() > kMinMove) {
       arm.drawn_at = at;
       std::normal_distribution<double> normal(0.0, 1.0);
@@ -64,7 +68,8 @@ EmulatedArm emulatedArm(const EmulatedArmParameters& parameters, const CellPlace
   arm.time = time;
   arm.q = arm.target = q;
   arm.rate = arm.acceleration = JointVector::Zero(q.size());
-  arm.drawn_at = place.carrierOf(kinematics.forward(q));
+  arm.drawn_at = byJoints(arm, kinematics);
+  arm.backlash = Backlash(Eigen::Vector3d::Constant(parameters.backlash));
   arm.random.seed(parameters.seed);
   return arm;
 }
@@ -72,12 +77,7 @@ EmulatedArm emulatedArm(const EmulatedArmParameters& parameters, const CellPlace
 bool command(EmulatedArm& arm, const JointVector& q, double stamp) {
   if (q.size() != arm.q.size() || !q.allFinite() || !std::isfinite(stamp)) return false;
   if (arm.stopped) return true;
-  std::uniform_real_distribution<double> jitter(0.0, arm.parameters.jitter);
-  double due = stamp + arm.parameters.latency;
-  if (arm.parameters.jitter > 0.0) due += jitter(arm.random);
-  // commands keep their order
-  if (!arm.queue.empty()) due = std::max(due, arm.queue.back().due);
-  arm.queue.push_back({due, q});
+  arm.queue.add(q, stamp, arm.parameters.latency, arm.parameters.jitter, arm.random);
   return true;
 }
 
@@ -93,12 +93,12 @@ void load(EmulatedArm& arm, const Vector6& wrench) {
 void advance(EmulatedArm& arm, const ArmKinematics& kinematics, double time) {
   const double dt = 1.0 / arm.parameters.rate;
   while (arm.time + dt <= time + kStamp) {
-    while (!arm.queue.empty() && arm.queue.front().due <= arm.time + kStamp) {
-      arm.target = arm.queue.front().q;
-      arm.queue.pop_front();
-    }
+    while (const auto q = arm.queue.take(arm.time + kStamp)) arm.target = *q;
     arm.time += dt;
+    const bool plays = arm.parameters.backlash > 0.0;
+    const Eigen::Vector3d before = plays ? byJoints(arm, kinematics).p : Eigen::Vector3d::Zero();
     moveJoints(arm, kinematics.limits(), dt);
+    if (plays) arm.backlash.move(byJoints(arm, kinematics).p - before);
     settle(arm, kinematics, dt);
   }
 }
@@ -121,7 +121,14 @@ CarrierPoses carrier(const EmulatedArm& arm, const ArmKinematics& kinematics) {
     const JointVector q = arm.q + t * arm.rate + 0.5 * t * t * arm.acceleration;
     return arm.place.carrierOf(kinematics.forward(q)) * off;
   };
-  return {kStep, at(-kStep), at(0.0), at(kStep)};
+  CarrierPoses poses{kStep, at(-kStep), at(0.0), at(kStep)};
+  if (!(arm.parameters.backlash > 0.0)) return poses;
+  const Eigen::Vector3d motion = poses.after.p - poses.before.p;
+  for (int i = 0; i < 3; ++i) {
+    if (!arm.backlash.carries(i, motion(i))) poses.before.p(i) = poses.after.p(i) = poses.at.p(i);
+  }
+  for (Pose* pose : {&poses.before, &poses.at, &poses.after}) pose->p += arm.backlash.lost();
+  return poses;
 }
 
 }  // namespace assembly_cell

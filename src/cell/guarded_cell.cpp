@@ -46,7 +46,7 @@ void GuardedCell::begin() {
 }
 
 void GuardedCell::apply(const CommandGate::Commands& commands) {
-  if (commands.stop.hold) world().stopRest();
+  if (commands.stop.hold) cell_->stop();
   if (commands.stop.exciter_off) world().setExciter(ExciterParameters{}, world().time());
   if (commands.carrier) cell_->command(*commands.carrier, speedOf(*commands.carrier));
   if (follows_ && commands.motion) {
@@ -54,7 +54,7 @@ void GuardedCell::apply(const CommandGate::Commands& commands) {
     world().followRest(restMotionOf(*commands.motion, cell_->carrier().base()),
                        world().time() + cell.block_size * cell.sample_period);
   } else if (follows_ && !world().atRest()) {
-    world().stopRest();
+    cell_->stop();
   }
   if (commands.exciter) {
     const DriveCommand& exciter = *commands.exciter;
@@ -84,7 +84,7 @@ void GuardedCell::checkLoad(const Vector6& load) {
   const Vector6 way = world().stoppingDisplacement();
   if (!mustStop(braking_, load, way, allowed_)) return;
   watched_ = false;
-  world().stopRest();
+  cell_->stop();
   world().setExciter(ExciterParameters{}, world().time());
   const std::lock_guard<std::mutex> lock(mutex_);
   log_(gate_.overload(load, way));

@@ -114,6 +114,7 @@ Vector6 SimulatedCell::voltsB(const Vector6& load, double time) {
 StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
                                const std::function<void(const Vector6& load)>& watch) {
   meetBurr();
+  carrier_.lead(*world_, nextEnd());
   const auto n = static_cast<std::size_t>(parameters_.block_size);
   block.period = parameters_.sample_period;
   block.sequence = sequence_++;
@@ -159,6 +160,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
     return reason;
   }
   meetBurr();
+  carrier_.lead(*world_, nextEnd());
   const double rate = std::max({fastest, measured_a_.humRate(), measured_b_.humRate(), 1e-9});
   const double apart = std::min(kSpacing, kPhaseStep / rate);
   const SampleSum sum(n, static_cast<int>(apart / period * (1.0 + 1e-9)));

@@ -140,6 +140,7 @@ Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed) {
   truth.cell.sensor_b.walk_seed = noise("sensor_b.drift.walk");
   truth.cell.carrier.reading_seed = noise("carrier.reading_noise");
   truth.cell.carrier.repeatability_seed = noise("carrier.repeatability");
+  truth.cell.carrier.jitter_seed = noise("carrier.jitter");
   truth.imperfections.bore_lean = boreLean(truth.bore_tilt);
   return truth;
 }

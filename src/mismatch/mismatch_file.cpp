@@ -207,4 +207,14 @@ Mismatch loadMismatch(const std::string& path) {
   return parseMismatch(yaml::fileText(path, "mismatch"), path);
 }
 
+void refuseCarrierDrive(const Mismatch& mismatch) {
+  for (const char* key : {"carrier.latency", "carrier.jitter", "carrier.lag", "carrier.backlash"}) {
+    const auto draw = mismatch.draws.find(key);
+    if (draw == mismatch.draws.end()) continue;
+    yaml::refuse(mismatch.source, key, shownDraw(draw->second),
+                 "an arm carries the carrier, leave it out and set latency, jitter, bandwidth or "
+                 "backlash of emulate_arm");
+  }
+}
+
 }  // namespace assembly_cell

@@ -122,6 +122,47 @@ TEST(EmulatedArm, MovesEndWithItsRepeatability) {
   EXPECT_NEAR(sum / (3e-5 * 3e-5) / 300.0, 1.0, 5.0 * std::sqrt(2.0 / 300.0));
 }
 
+// There and back by 10 mm: the carrier follows by half of the gap less, then the whole gap less
+// than its joints, and the poses about a time have the rate of what the joints take along.
+TEST(EmulatedArm, BacklashIsLostWhereAMoveReverses) {
+  Bench bench;
+  bench.parameters.backlash = 1e-4;
+  bench.start();
+  const auto byJoints = [&] {
+    return bench.place.carrierOf(bench.kinematics.forward(bench.arm.q));
+  };
+  const auto lost = [&]() -> Eigen::Vector3d {
+    return carrier(bench.arm, bench.kinematics).at.p - byJoints().p;
+  };
+  EXPECT_EQ(lost(), Eigen::Vector3d::Zero());
+  const Pose start = byJoints();
+  JointVector there = bench.q;
+  ASSERT_TRUE(bench.kinematics
+                  .solve(bench.place.flangeOf(start * Pose{Eigen::Matrix3d::Identity(),
+                                                           Eigen::Vector3d(0.01, 0, 0)}),
+                         there)
+                  .reached);
+  command(bench.arm, there, 0.0);
+  advance(bench.arm, bench.kinematics, 0.04);
+  const CarrierPoses on = carrier(bench.arm, bench.kinematics);
+  EXPECT_NEAR(lost().x(), -5e-5, 1e-12);
+  EXPECT_GT((on.after.p - on.before.p).x() / (2.0 * on.step), 0.05);
+  advance(bench.arm, bench.kinematics, 1.0);
+  EXPECT_NEAR(lost().x(), -5e-5, 1e-12);
+  command(bench.arm, bench.q, 1.0);
+  const double end = carrier(bench.arm, bench.kinematics).at.p.x();
+  double time = 1.0;
+  while (byJoints().p.x() > start.p.x() + 0.01 - 5e-5) {
+    advance(bench.arm, bench.kinematics, time += 0.002);
+    const CarrierPoses now = carrier(bench.arm, bench.kinematics);
+    if (byJoints().p.x() <= start.p.x() + 0.01 - 9e-5) break;
+    EXPECT_NEAR(now.at.p.x(), end, 1e-12) << "the gap is crossed first";
+    EXPECT_EQ(now.after.p.x(), now.before.p.x());
+  }
+  advance(bench.arm, bench.kinematics, 2.0);
+  EXPECT_NEAR(lost().x(), 5e-5, 1e-12);
+}
+
 TEST(EmulatedArm, StopsByItselfUnderForce) {
   Bench bench;
   bench.start();

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/align/outcome.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
@@ -41,6 +42,16 @@ True truthOf(const std::string& text, const Scenario& nominal, std::uint64_t see
   return t;
 }
 SimulatedCell made(const True& t) { return SimulatedCell(t.scenario, t.cell); }
+
+// all worlds of this build
+std::vector<WorldChoice> worlds() {
+  std::vector<WorldChoice> all(1);
+  try {
+    all.push_back(parseWorld("mujoco", "test"));
+  } catch (const InputError&) {  // this build has none
+  }
+  return all;
+}
 
 void run(SimulatedCell& cell, double seconds) {
   StrainBlock block;
@@ -335,6 +346,134 @@ TEST(TrueCarrier, YieldsWithItsLag) {
                 0.03 * 5e-6 * weight);
     EXPECT_NEAR(cell.reported().p.z(), start, 1e-12);
   }
+}
+
+// Both worlds: a profile of 10 mm begins the latency later, and is otherwise the same.
+TEST(TrueCarrier, TakesCommandsAfterItsLatency) {
+  const Scenario nominal = hanging();
+  for (const WorldChoice& world : worlds()) {
+    const auto path = [&](const std::string& text, double before) {
+      True t = truthOf(text, nominal);
+      t.cell.world = world;
+      SimulatedCell cell = made(t);
+      run(cell, 0.02);
+      cell.command({Eigen::Matrix3d::Identity(), Vector3d(0.01, 0, 0)});
+      std::vector<double> x;
+      for (double time = 0.0; time < before - 1e-9; time += 0.02) {
+        run(cell, 0.02);
+        EXPECT_NEAR(cell.world().rest().x, nominal.rest.x, 1e-12) << time;
+      }
+      for (int block = 0; block < 30; ++block) {
+        run(cell, 0.02);
+        x.push_back(cell.world().rest().x);
+      }
+      return x;
+    };
+    const std::vector<double> prompt = path("{}", 0.0);
+    const std::vector<double> late = path("carrier: {latency: 0.1}", 0.1);
+    for (std::size_t i = 0; i < prompt.size(); ++i) EXPECT_NEAR(late[i], prompt[i], 1e-9) << i;
+    EXPECT_NEAR(prompt.back() - nominal.rest.x, 0.01, 1e-12);
+  }
+}
+
+// Jitter: the commands of a ramp take effect within latency and jitter, in their order.
+TEST(TrueCarrier, JitterKeepsTheOrderOfCommands) {
+  const Scenario nominal = hanging();
+  SimulatedCell cell = made(truthOf("carrier: {latency: 0.04, jitter: 0.05}", nominal));
+  const double start = cell.world().rest().x;
+  double last = start;
+  bool uneven = false;
+  for (int i = 1; i <= 50; ++i) {
+    cell.command({Eigen::Matrix3d::Identity(), Vector3d(1e-4 * i, 0, 0)});
+    run(cell, 0.02);
+    const double x = cell.world().rest().x;
+    EXPECT_GE(x, last - 1e-12);
+    EXPECT_GE(start + 1e-4 * i - x, 1e-4);
+    EXPECT_LE(start + 1e-4 * i - x, 1e-4 * 9);
+    uneven = uneven || (i > 10 && std::abs(x - last - 1e-4) > 1e-5);
+    last = x;
+  }
+  EXPECT_TRUE(uneven);
+  run(cell, 0.4);
+  EXPECT_NEAR(cell.world().rest().x - start, 50e-4, 1e-12);
+}
+
+// First order: behind a steady motion of speed v by v·lag.
+TEST(TrueCarrier, LagsByItsTimeConstant) {
+  const Scenario nominal = hanging();
+  for (const WorldChoice& world : worlds()) {
+    True t = truthOf("carrier: {lag: 0.03}", nominal);
+    t.cell.world = world;
+    SimulatedCell cell = made(t);
+    const double speed = 0.005;
+    cell.command({Eigen::Matrix3d::Identity(), Vector3d(0, 0, 0.01)}, speed);
+    True exact = truthOf("{}", nominal);
+    exact.cell.world = world;
+    SimulatedCell prompt = made(exact);
+    prompt.command({Eigen::Matrix3d::Identity(), Vector3d(0, 0, 0.01)}, speed);
+    // numerical solution of the lag behind the prompt carrier's profile
+    double expected = prompt.world().rest().z, most = 0.0;
+    for (int block = 0; block < 300; ++block) {
+      run(cell, 0.02);
+      const int n = 100;
+      const double from = prompt.world().rest().z;
+      run(prompt, 0.02);
+      const double to = prompt.world().rest().z;
+      for (int i = 0; i < n; ++i) {
+        const double r = from + (to - from) * (i + 0.5) / n;
+        expected += (r - expected) * (1.0 - std::exp(-0.02 / n / 0.03));
+      }
+      EXPECT_NEAR(cell.world().rest().z, expected, 0.02 * speed * 0.03 + 1e-7) << block;
+      most = std::max(most, to - cell.world().rest().z);
+    }
+    EXPECT_GT(most, 0.5 * speed * 0.03);
+    EXPECT_NEAR(cell.world().rest().z, prompt.world().rest().z, 2e-9);
+  }
+}
+
+// Moves to and fro end half of the gap short of where the encoders report them.
+TEST(TrueCarrier, BacklashIsUnseenByItsEncoders) {
+  const Scenario nominal = hanging();
+  const Pose X_HB = carrierBase(nominal);
+  for (const WorldChoice& world : worlds()) {
+    True t = truthOf("carrier: {backlash: 6.0e-5}", nominal);
+    t.cell.world = world;
+    SimulatedCell cell = made(t);
+    for (const double x : {0.002, 0.001, 0.0011, 0.00105, -0.001}) {
+      const double before = cell.world().rest().x;
+      cell.command({Eigen::Matrix3d::Identity(), Vector3d(x, 0, 0)});
+      run(cell, 1.0);
+      const double rest = (inverse(X_HB) * poseFromRest(cell.world().rest())).p.x();
+      // the first reversal by less than the gap moves nothing
+      if (x == 0.00105) {
+        EXPECT_NEAR(cell.world().rest().x, before, 1e-12);
+        EXPECT_NEAR(rest - x, 2e-5, 1e-9);
+      } else {
+        EXPECT_NEAR(rest - x, x == 0.002 || x == 0.0011 ? -3e-5 : 3e-5, 1e-9) << x;
+      }
+      EXPECT_NEAR(cell.carrier().encoders(cell.world()).p.x(), x, 1e-6) << x;
+    }
+  }
+}
+
+// A stop acts at once; what was under way to the drive is dropped.
+TEST(TrueCarrier, AStopDropsLateCommands) {
+  const Scenario nominal = hanging();
+  SimulatedCell cell = made(truthOf("carrier: {latency: 0.1}", nominal));
+  cell.command({Eigen::Matrix3d::Identity(), Vector3d(0, 0, 0.01)}, 0.02);
+  run(cell, 0.2);
+  cell.command({Eigen::Matrix3d::Identity(), Vector3d(0, 0, 0.03)}, 0.02);
+  const double at = cell.world().rest().z;
+  cell.stop();
+  run(cell, 1.0);
+  EXPECT_NEAR(cell.world().rest().z, at, 1e-3);
+  const double held = cell.world().rest().z;
+  cell.command({Eigen::Matrix3d::Identity(), Vector3d(0, 0, 0.005)}, 0.02);
+  run(cell, 0.1);
+  EXPECT_NEAR(cell.world().rest().z, held, 1e-12);
+  run(cell, 1.0);
+  EXPECT_NEAR((inverse(carrierBase(nominal)) * poseFromRest(cell.world().rest())).p.z(), 0.005,
+              1e-9);
 }
 
 // The encoders' axes: a way of 10 mm that is commanded is another one in the cell.

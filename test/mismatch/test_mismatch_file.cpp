@@ -47,6 +47,10 @@ carrier:
   reading_noise: 1.0e-5
   repeatability: 3.0e-5
   compliance: 5.0e-6
+  latency: {uniform: [0, 0.25]}
+  jitter: 0.01
+  lag: {log_uniform: [0.01, 0.1]}
+  backlash: {uniform: [2.0e-5, 1.0e-4]}
   frame: {rotation: 0.002, scale: 1.0e-4, offset: 0.01}
 hole:
   burr: {friction: 3, depth: {uniform: [0.01, 0.02]}, length: 0.002}
@@ -90,6 +94,8 @@ TEST(MismatchFile, EveryKeyIsReadAndReportedByItsName) {
   EXPECT_EQ(report["add"]["carrier.damping"].size(), 3u);
   EXPECT_EQ(report["sensor_a"]["matrix"][4][2].as<double>(), truth.cell.sensor_a.matrix(4, 2));
   EXPECT_EQ(report["sensor_a"]["hum"]["frequency"].as<double>(), 50.0);
+  EXPECT_EQ(report["carrier"]["latency"].as<double>(), truth.cell.carrier.latency);
+  EXPECT_EQ(report["carrier"]["backlash"][2].as<double>(), truth.cell.carrier.backlash.z());
   EXPECT_EQ(report["hole"]["burr"]["depth"].as<double>(), truth.cell.burr.depth);
   EXPECT_EQ(truth.cell.burr.friction, 3.0);
   EXPECT_EQ(report["hole"]["bore_tilt"][1].as<double>(), truth.bore_tilt.y());
@@ -169,6 +175,11 @@ TEST(MismatchFile, RefusesByKeyValueAndRemedy) {
       {"sensor_a: {frame: 0.1}", {"sensor_a.frame", "0.1", "mapping"}},
       {"sensor_c: {}", {"sensor_c", "unknown key"}},
       {"carrier: {reading_noise: -1.0e-5}", {"carrier.reading_noise", "-1e-05", "at least 0"}},
+      {"carrier: {latency: 0.3}", {"carrier.latency", "0.3", "at most 0.25"}},
+      {"carrier: {latency: {normal: 0.1}}", {"carrier.latency", "{normal: 0.1}", "at least 0"}},
+      {"carrier: {jitter: {uniform: [0, 0.2]}}", {"carrier.jitter", "[0, 0.2]", "at most 0.05"}},
+      {"carrier: {lag: -1}", {"carrier.lag", "-1", "at least 0 and at most 0.25"}},
+      {"carrier: {backlash: 0.05}", {"carrier.backlash", "0.05", "at most 0.001"}},
       {"carrier: {frame: {scale: 2}}", {"carrier.frame.scale", "2", "at most 0.5"}},
       {"hole: {bore_tilt: 0.5}", {"hole.bore_tilt", "0.5", "at most 0.1"}},
       {"hole: {radius: 0.5}", {"hole.radius", "0.5", "unknown"}},

@@ -111,6 +111,17 @@ TEST_F(MismatchTools, ImpossibleDrawsAreRefusedBeforeTheFirstRun) {
   EXPECT_EQ(result.errors.find("of 50"), std::string::npos) << "a run was done";
 }
 
+TEST_F(MismatchTools, AnArmHasItsOwnLatency) {
+  const std::string m = file("m.yaml", "carrier: {lag: {uniform: [0, 0.1]}, backlash: 1.0e-5}\n");
+  const Result result =
+      call("align " + kCell + " --arm " + kConfig + "arm/emulated.yaml --mismatch " + m);
+  EXPECT_EQ(result.code, 2);
+  EXPECT_TRUE(result.text.empty());
+  EXPECT_NE(result.errors.find("carrier.lag: value {uniform: [0, 0.1]}"), std::string::npos)
+      << result.errors;
+  EXPECT_NE(result.errors.find("emulate_arm"), std::string::npos) << result.errors;
+}
+
 // What is set changes truth and belief; a mismatch multiplies what is set.
 TEST_F(MismatchTools, SimulateScalesWhatIsSet) {
   const std::string run = "simulate " + kCell + " --rows 2 --set duration=0.02 ";

@@ -2,17 +2,17 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <random>
 #include <string>
 
 #include "assembly_cell/arm/arm_kinematics.h"
 #include "assembly_cell/arm/cell_place.h"
+#include "assembly_cell/arm/late_motion.h"
 
 namespace assembly_cell {
 
 /// Emulation of an arm with an industrial controller: joints that follow positions with latency,
-/// lag, repeatability and compliance. Times are cell time [s].
+/// lag, repeatability, backlash and compliance. Times are cell time [s].
 struct EmulatedArmParameters {
   double rate = 500.0;          ///< of the controller, 125 to 500 [Hz]
   double latency = 0.01;        ///< from a command's stamp to its effect [s]
@@ -20,6 +20,7 @@ struct EmulatedArmParameters {
   double bandwidth = 25.0;      ///< of the joints' positions, critically damped [Hz]
   double encoder_step = 1e-6;   ///< resolution of the joint encoders [rad]
   double repeatability = 3e-5;  ///< sd of a move's final position, each axis [m]
+  double backlash = 0.0;        ///< of the carrier, whole gap of each axis [m]
   Vector6 compliance = (Vector6() << 5e-7, 5e-7, 5e-7, 2e-5, 2e-5, 2e-5)
                            .finished();  ///< of the flange [m/N], [rad/(N m)]
   double protective_force = 150.0;       ///< protective stop, force at the flange [N]
@@ -33,11 +34,8 @@ struct EmulatedArm {
   double time = 0.0;  ///< last cycle of the controller
   JointVector q, rate, acceleration;
   JointVector target;  ///< present set point of the joints
-  struct Command {
-    double due = 0.0;
-    JointVector q;
-  };
-  std::deque<Command> queue;
+  CommandQueue<JointVector> queue;
+  Backlash backlash;
   bool stopped = false;
   std::string why;                  ///< reason of a protective stop
   Vector6 force = Vector6::Zero();  ///< wrench on the carrier, carrier axes
@@ -69,7 +67,7 @@ void unlock(EmulatedArm& arm);
 
 /// Encoder readings of the joints.
 JointVector encoders(const EmulatedArm& arm);
-/// Poses of the carrier, sag and repeatability included.
+/// Poses of the carrier, sag, repeatability and backlash included.
 CarrierPoses carrier(const EmulatedArm& arm, const ArmKinematics& kinematics);
 
 }  // namespace assembly_cell

@@ -107,6 +107,8 @@ class SimulatedCell {
   void command(const Pose& pose, double max_speed = std::numeric_limits<double>::infinity()) {
     carrier_.command(*world_, pose, max_speed);
   }
+  /// Stops the rest pose at once within the carrier's maximum acceleration.
+  void stop() { carrier_.stop(*world_); }
   /// The carrier as its encoders report it at the end of the last block, in its base frame.
   const Pose& reported() const { return reported_; }
   const TrueCarrier& carrier() const { return carrier_; }

@@ -47,6 +47,10 @@ Mismatch loadMismatch(const std::string& path);
 /// The same from text; `source` names it in messages.
 Mismatch parseMismatch(const std::string& yaml, const std::string& source);
 
+/// Throws InputError if the file has a key of the carrier's drive (latency, jitter, lag,
+/// backlash): where an arm carries the carrier, the arm has them.
+void refuseCarrierDrive(const Mismatch& mismatch);
+
 /// Draws the ground truth of one run. One stream of random numbers for each key path and seed, none
 /// of them that of the sensors' noise: a key that is added changes no other draw.
 Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed);

@@ -43,7 +43,11 @@ struct CarrierTruth {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  ///< of the encoders' base in the base [rad]
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();    ///< of its origin there [m]
   Eigen::Vector3d scale = Eigen::Vector3d::Zero();  ///< a distance s is reported as (1 + scale) s
-  std::uint64_t reading_seed = 0, repeatability_seed = 0;
+  double latency = 0.0;                             ///< from a command to its effect [s]
+  double jitter = 0.0;                              ///< of the latency, uniform from 0 [s]
+  double lag = 0.0;  ///< time constant of the commanded motion's first-order lag [s]
+  Eigen::Vector3d backlash = Eigen::Vector3d::Zero();  ///< whole gap behind the encoders [m]
+  std::uint64_t reading_seed = 0, repeatability_seed = 0, jitter_seed = 0;
 };
 
 /// Burr in the bore: while the peg's edge is in this part of the depth, the friction of all

@@ -64,11 +64,13 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
 void refuseTooTight(const Clearance& clearance, int touches) {
   if (clearance.mean > 0.0) return;
   const double interference = kTightSds * clearance.sd - clearance.mean;
-  throw AlignError(AlignFailure::kTooTight,
-                   text("no entry after %d touches, ", touches) +
-                       text("clearance %.0f +- %.0f um", clearance.mean * 1e6, clearance.sd * 1e6) +
-                       text(": the peg may be larger than the hole, by %.0f um of radius at most",
-                            interference * 1e6));
+  throw AlignError(
+      AlignFailure::kTooTight,
+      text("no entry after %d touches, ", touches) +
+          text("clearance %.0f +- %.0f um", clearance.mean * 1e6, clearance.sd * 1e6) +
+          text(": the peg may be larger than the hole, by %.0f um of radius at most, or the "
+               "carrier has as much backlash",
+               interference * 1e6));
 }
 
 }  // namespace

@@ -184,7 +184,9 @@ SimulatorSetup loadSimulatorSetup(const SimulatorSettings& settings, const std::
   setup.cell.hole_block_mass = setup.description.hole_block_mass;
   setup.cell.hole_block_center = setup.description.hole_block_centre;
   if (!settings.mismatch.empty()) {
-    const Truth truth = drawTruth(loadMismatch(settings.mismatch), setup.cell.seed);
+    const Mismatch mismatch = loadMismatch(settings.mismatch);
+    if (settings.follow_motion) refuseCarrierDrive(mismatch);
+    const Truth truth = drawTruth(mismatch, setup.cell.seed);
     setup.scenario = trueScenario(setup.scenario, truth, settings.mismatch);
     setup.cell.truth = truth.cell;
     setup.mismatch = truthText(truth);
