@@ -125,30 +125,41 @@ TEST_P(NearStarts, AlignInCloseFits) {
   }
 }
 
-// Runs of `align --second-goals --mismatch config/mismatch/level_2.yaml` that ended at the bore's
-// wall, up to 10 um outside: the first goal has left the peg in the hole.
-TEST(InTheHoleAlready, IsAlignedAfterAnotherGoal) {
+// A run of `align --second-goals --mismatch config/mismatch/level_2.yaml`: the first goal has left
+// the peg pressed, or in the hole.
+AlignTrial afterAnotherGoal(std::uint64_t seed) {
   const Scenario s = cell();
   const Mismatch mismatch =
       loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/mismatch/level_2.yaml");
+  std::mt19937_64 engine(seed);
+  const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
+  const double azimuth = 2 * M_PI * uniform(), offset = 0.015 * std::sqrt(uniform());
+  const double direction = 2 * M_PI * uniform(), tilt = 0.0349 * uniform();
+  const Scenario start = startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
+                                 tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003);
+  const Truth truth = drawTruth(mismatch, seed);
+  CellParameters sensors;
+  sensors.seed = seed;
+  sensors.truth = truth.cell;
+  const AlignParameters p;
+  return tryAlignment(trueScenario(start, truth, "test"), s.mechanism, sensors, p, nullptr,
+                      [&](Plant& plant) { leaveFirstGoal(plant, s.mechanism, p, seed); });
+}
+
+// Runs that ended at the bore's wall, up to 10 um outside.
+TEST(InTheHoleAlready, IsAlignedAfterAnotherGoal) {
   for (const std::uint64_t seed : {7790135u, 7790153u, 7790209u}) {
-    std::mt19937_64 engine(seed);
-    const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
-    const double azimuth = 2 * M_PI * uniform(), offset = 0.015 * std::sqrt(uniform());
-    const double direction = 2 * M_PI * uniform(), tilt = 0.0349 * uniform();
-    const Scenario start =
-        startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
-                tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003);
-    const Truth truth = drawTruth(mismatch, seed);
-    CellParameters sensors;
-    sensors.seed = seed;
-    sensors.truth = truth.cell;
-    const AlignParameters p;
-    const AlignTrial trial =
-        tryAlignment(trueScenario(start, truth, "test"), s.mechanism, sensors, p, nullptr,
-                     [&](Plant& plant) { leaveFirstGoal(plant, s.mechanism, p, seed); });
+    const AlignTrial trial = afterAnotherGoal(seed);
     EXPECT_TRUE(trial.success) << seed << ": " << trial.result.reason;
     EXPECT_EQ(trial.result.contacts, 0) << seed;
+  }
+}
+
+// Runs that pressed with 68 to 190 N: their edge is in the hole at the first touch, from where a
+// motion aside or a turn presses. The limit is 40 N, and a tenth more while the carrier stops.
+TEST(EdgeInTheHole, IsNotPressedBeyondTheLimit) {
+  for (const std::uint64_t seed : {7790133u, 7790180u, 7790187u, 7790273u, 7790286u, 7790289u}) {
+    EXPECT_LE(afterAnotherGoal(seed).force, 1.1 * AlignParameters{}.force_limit) << seed;
   }
 }
 

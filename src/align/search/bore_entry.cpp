@@ -169,10 +169,11 @@ bool BoreEntry::enter(const Vec3& center, int rings) {
   Vec3 above = s_.target().p;
   const double travel = kTravel * s_.scale.travel;
   above += s_.hole.normal * std::max(0.0, travel - s_.hole.normal.dot(above) + s_.hole.height);
-  s_.carrier.moveTo(s_.frame.restFor(above, s_.frame.carrierPose(s_.carrier.target()).R), false);
+  s_.carrier.moveTo(s_.frame.restFor(above, s_.frame.carrierPose(s_.carrier.target()).R),
+                    Move::kNearly);
   // the hanging peg sags differently in this pose
   Vec3 target = center + kClear * s_.scale.travel * s_.hole.normal;
-  s_.carrier.moveTo(s_.frame.restFor(target + travel * s_.hole.normal, R), false);
+  s_.carrier.moveTo(s_.frame.restFor(target + travel * s_.hole.normal, R), Move::kNearly);
   s_.carrier.tare(kZeroBlocks);
   s_.setHanging(s_.target().p);
   target -= s_.hanging.sag - s_.hole.normal * s_.hole.normal.dot(s_.hanging.sag);

@@ -21,8 +21,12 @@ constexpr double kPullSofter = 2.0;
 constexpr double kWedged = 0.25;
 // Turned by so much about its axis the coupling makes 3 N m: more than friction of 200 N on both
 // sides of a peg of 25 mm. Half: wedges of 100 N. Twice: a longer motion.
-constexpr double kTwist = 0.06;                     // [rad]
-constexpr double kTwisted = 0.01;                   // of it, which yields
+constexpr double kTwist = 0.06;    // [rad]
+constexpr double kTwisted = 0.01;  // of it, which yields
+// A peg that is turned in a wedge strains the coupling by the way of its end. In steps of kPullStep
+// it stops below the force limit; 0.05 rad at once reached 190 N.
+constexpr double kTurned = 0.5;  // of the force limit: the wedge doesn't turn any farther
+constexpr double kPulled = 0.8;  // of the force limit, which a step more would reach
 constexpr int kFreeSteps = 4, kMaxFreeSteps = 100;  // of kPullStep: a millimetre, and 25
 constexpr double kLifts = 3e-3;     // travel of some tareFreePeg(), up and aside [m], tilt [rad]
 constexpr double kLifted = 1e-4;    // of a millimetre up, what may be missing [m]
@@ -54,6 +58,27 @@ void twist(GuardedCarrier& carrier, const RestPose& at) {
       there = std::abs(carrier.last().carrier.yaw - yaw) < kTwisted;
     }
   }
+}
+
+// Of a step on the path out, see kPullSofter [m].
+double pullStep(const PressLimits& limits) {
+  return kPullStep * std::min(1.0, limits.scale.sink / limits.scale.force * kPullSofter);
+}
+
+// As far as the wedge lets it be turned. Returns where that ended.
+RestPose turn(GuardedCarrier& carrier, const RestPose& from, const RestPose& to) {
+  const double angle = std::hypot(to.yaw - from.yaw, to.theta - from.theta, to.phi - from.phi);
+  const int steps = static_cast<int>(std::ceil(kTurnArm * angle / pullStep(carrier.limits())));
+  RestPose at = from;
+  for (int i = 1; i <= steps && carrier.sensor().heldForce() < kTurned * carrier.limits().force;
+       ++i) {
+    const double done = static_cast<double>(i) / steps;
+    const auto between = [done](double a, double b) { return a + done * (b - a); };
+    at = {between(from.x, to.x),     between(from.y, to.y),         between(from.z, to.z),
+          between(from.yaw, to.yaw), between(from.theta, to.theta), between(from.phi, to.phi)};
+    carrier.moveTo(at);
+  }
+  return at;
 }
 
 // From where tareFreePeg() has lifted it, in this goal and the failed one. In contact there, it
@@ -139,8 +164,7 @@ RestPose pullUp(GuardedCarrier& carrier, const RestPose& from, double min_travel
                 double max_travel) {
   const PressLimits& limits = carrier.limits();
   const ContactSensor& sensor = carrier.sensor();
-  const double step =
-      kPullStep * std::min(1.0, limits.scale.sink / limits.scale.force * kPullSofter);
+  const double step = pullStep(limits);
   RestPose up = from;
   for (double pulled = 0.0;
        pulled < min_travel - 0.5 * step ||
@@ -149,22 +173,24 @@ RestPose pullUp(GuardedCarrier& carrier, const RestPose& from, double min_travel
     up.z += step;
     carrier.moveTo(up);
     if (sensor.heldForce() > kWedged * limits.force) twist(carrier, up);
-    if (sensor.heldForce() > limits.force) {
+    if (sensor.heldForce() > kPulled * limits.force) {
       throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
     }
   }
   return up;
 }
 
-void retreatUp(GuardedCarrier& carrier, const RestPose& relaxed, double travel) {
+void retreatUp(GuardedCarrier& carrier, const RestPose& relaxed, const RestPose& turned,
+               double travel) {
   carrier.setGuarded(false);
   exciterOff(carrier);
   carrier.moveTo(relaxed);
+  const RestPose from = turn(carrier, relaxed, turned);
   // a soft coupling hardly pulls over so short a travel: on until the peg is free or held by the
   // limit
   const double end = std::max(travel, kPullTravel);
-  RestPose up = pullUp(carrier, relaxed, kPullTravel, end);
-  up.z = std::max(up.z, relaxed.z + end);
+  RestPose up = pullUp(carrier, from, kPullTravel, end);
+  up.z = std::max(up.z, from.z + end);
   carrier.moveTo(up);
   if (!carrier.settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   carrier.setGuarded(true);

@@ -20,8 +20,9 @@ void Retreat::backOut(double travel) {
     const Pose peg = s_.peg();
     try {
       // unstrained; if that does not free it, turned back first: pulling may tighten a wedge
-      const Eigen::Matrix3d R = i == 0 ? peg.R : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
-      retreatUp(s_.carrier, s_.frame.restFor(peg.p, R), travel);
+      const RestPose relaxed = s_.frame.restFor(peg.p, peg.R);
+      const RestPose upright = s_.frame.restFor(peg.p, Eigen::Matrix3d::Identity());
+      retreatUp(s_.carrier, relaxed, i == 0 ? relaxed : upright, travel);
       return;
     } catch (const AlignError& error) {
       if (i == kMoreRetreats) throw;

@@ -144,12 +144,12 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     raise(over, dip(R) + kOver * s_.scale.travel);
     raise(up, s_.hole.normal.dot(over) - s_.hole.height);
     // straight up before it goes aside; without a lateral motion it may rotate while it rises
-    if ((over - up).norm() > kSpot) s_.carrier.moveTo(s_.frame.restFor(up, now), false);
+    if ((over - up).norm() > kSpot) s_.carrier.moveTo(s_.frame.restFor(up, now), Move::kFree);
   } else {
     const double turn = std::acos(std::clamp(R.col(2).dot(now.col(2)), -1.0, 1.0));
     over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
   }
-  s_.carrier.moveTo(s_.frame.restFor(over, R), false);
+  s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
   s_.carrier.tare(2);
   // the edge already rests on something
   for (int i = 0; s_.carrier.sensor().tareShift() > s_.carrier.sensor().freeShift(); ++i) {
@@ -159,7 +159,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
                             s_.carrier.sensor().tareShift(), s_.carrier.sensor().freeShift()));
     }
     over.z() += kRaise * s_.scale.travel;
-    s_.carrier.moveTo(s_.frame.restFor(over, R), false);
+    s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
     s_.carrier.tare(2);
   }
 }
@@ -171,8 +171,8 @@ void EdgeSearch::touch(const Mat3& R) {
   if (light && light->isContact() && !known) search_.touch.refuseWedge(*light, R);
   if (light) keep(*light);
   bottom = s_.target().p;
-  // an edge that both sides of the hole carry wedges there when it rotates
-  if (light && light->straddles()) liftOut(R);
+  // an edge in the hole wedges there when it rotates or goes aside
+  if (light && (light->straddles() || light->isBeyondEdge())) liftOut(R);
 }
 
 // Straight up until it is over the contact.
@@ -183,7 +183,7 @@ void EdgeSearch::liftOut(const Mat3& R) {
       pullUp(s_.carrier, s_.frame.restFor(peg.p, peg.R), kPullFree * s_.scale.travel, travel);
   s_.carrier.moveTo(
       s_.frame.restFor(s_.frame.pegPose(up, Vector6::Zero()).p + travel * s_.hole.normal, R),
-      false);
+      Move::kNearly);
 }
 
 void EdgeSearch::keep(const Touch& light) {
@@ -317,7 +317,7 @@ bool EdgeSearch::wall(const Vec3& direction) {
                            kLost * s_.scale.travel)) {
       s_.report("wall", "none within reach");
       bottom = s_.frame.pegPose(s_.carrier.last().carrier, Vector6::Zero()).p;
-      s_.carrier.moveTo(s_.frame.restFor(bottom, R), false);
+      s_.carrier.moveTo(s_.frame.restFor(bottom, R), Move::kNearly);
       return false;
     }
     moved += step;
@@ -346,7 +346,7 @@ bool EdgeSearch::wall(const Vec3& direction) {
   s_.report("wall", text("after %.2f mm, %.1f N", at * 1e3, pushed) +
                         text(", led aside by %.3f mm", led * 1e3));
   const Vec3 back = from + (at - kBack * s_.scale.length) * direction + led * across;
-  s_.carrier.moveTo(s_.frame.restFor(back, R), false);
+  s_.carrier.moveTo(s_.frame.restFor(back, R), Move::kNearly);
   bottom = s_.target().p;
   return true;
 }
@@ -362,7 +362,7 @@ Vec3 EdgeSearch::relaxed(const Mat3& R) {
     strain -= s_.hole.normal * s_.hole.normal.dot(strain);
     if (strain.norm() < kSlack) break;
     at += strain;
-    s_.carrier.moveTo(s_.frame.restFor(at, R), false);
+    s_.carrier.moveTo(s_.frame.restFor(at, R), Move::kNearly);
     s_.carrier.wait(s_.scale.timed(kRest));
   }
   return at;

@@ -86,7 +86,7 @@ class Spiral {
       const Mat3 R = tiltRotation(s_.p.contact_tilt * Vec2(-std::sin(a), std::cos(a)));
       // no point of the edge goes down by more than the radius times the rotation
       place.z() += 2.0 * tipRadius(s_.mechanism.peg) * s_.p.contact_tilt;
-      s_.carrier.moveTo(s_.frame.restFor(place, R), false);
+      s_.carrier.moveTo(s_.frame.restFor(place, R), Move::kNearly);
       s_.carrier.tare(2);
       const std::optional<Touch> light = search_.touch.lower(-1e9);
       place = s_.target().p;
@@ -116,7 +116,8 @@ class Spiral {
 
   // Over a place of the search, free; takes the zero again.
   void hover(const Vec3& place, const Mat3& R) {
-    s_.carrier.moveTo(s_.frame.restFor(place + kOver * s_.scale.travel * s_.hole.normal, R), false);
+    s_.carrier.moveTo(s_.frame.restFor(place + kOver * s_.scale.travel * s_.hole.normal, R),
+                      Move::kNearly);
     s_.carrier.tare(kRest);
   }
 
@@ -127,8 +128,10 @@ class Spiral {
     const Vec3 foot = start - s_.hole.normal * (s_.hole.normal.dot(start) - s_.hole.height);
     Vec3 up = s_.target().p;
     up.z() += 2.0 * tipRadius(s_.mechanism.peg) * s_.p.contact_tilt;
-    s_.carrier.moveTo(s_.frame.restFor(up, s_.frame.carrierPose(s_.carrier.target()).R), false);
-    s_.carrier.moveTo(s_.frame.restFor({foot.x(), foot.y(), std::max(up.z(), foot.z())}, R), false);
+    s_.carrier.moveTo(s_.frame.restFor(up, s_.frame.carrierPose(s_.carrier.target()).R),
+                      Move::kNearly);
+    s_.carrier.moveTo(s_.frame.restFor({foot.x(), foot.y(), std::max(up.z(), foot.z())}, R),
+                      Move::kNearly);
     for (int caught = 0; caught <= kCatches; ++caught) {
       hover(placeAt(foot), R);
       const End end = slide(foot, R);

@@ -31,9 +31,11 @@ void releasePeg(GuardedCarrier& carrier, const Mechanism& mechanism,
 RestPose pullUp(GuardedCarrier& carrier, const RestPose& from, double min_travel,
                 double max_travel);
 
-/// Exciter off, over `relaxed` (where the coupling isn't strained) and up by `travel` [m] with any
-/// force; waits until the peg hangs still. Throws AlignError `stuck` when it doesn't come free,
-/// `zero_shifted` when the free peg weighs something else than at the first tare.
-void retreatUp(GuardedCarrier& carrier, const RestPose& relaxed, double travel);
+/// Exciter off, over `relaxed` (where the coupling isn't strained), from there to `turned` as far
+/// as half the force limit turns it, and up by `travel` [m]; waits until the peg hangs still.
+/// Throws AlignError `stuck` when it doesn't come free, `zero_shifted` when the free peg weighs
+/// something else than at the first tare.
+void retreatUp(GuardedCarrier& carrier, const RestPose& relaxed, const RestPose& turned,
+               double travel);
 
 }  // namespace assembly_cell

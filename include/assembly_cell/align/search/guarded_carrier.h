@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <limits>
 #include <optional>
 
 #include "assembly_cell/align/plant.h"
@@ -28,6 +29,21 @@ PressLimits pressLimits(const Mechanism& mechanism);
 /// Blocks that a motion of the carrier or a settling peg may take.
 inline constexpr int kMotionBlocks = 200;
 
+/// Metres of travel that count as much as a radian.
+inline constexpr double kTurnArm = 0.1;
+
+/// How GuardedCarrier::moveTo() ends.
+enum class Move {
+  kToTheEnd,
+  /// A little early where the reported pose is noisy, which is enough before a tare. A move that
+  /// follows waits for the end first: a carrier that gets a far target while it brakes overshoots
+  /// (6 mm in 20 mm).
+  kNearly,
+  /// As kNearly, of a peg that touches nothing on the way: `force_limit` long before the limit,
+  /// since the force rises until the carrier stands.
+  kFree,
+};
+
 /// Moves the carrier of a plant, with the contact force checked in every block. All commands of a
 /// search pass through step().
 class GuardedCarrier {
@@ -35,9 +51,11 @@ class GuardedCarrier {
   /// Waits for the first block. Throws PlantError.
   GuardedCarrier(Plant& plant, const PressLimits& limits);
 
-  /// One block with a command. Throws AlignError `force_limit` or `sensor_saturated` once there is
-  /// a tare, PlantError when the plant fails.
-  const PlantBlock& step(const PlantCommand& command);
+  /// One block with a command. Throws AlignError `force_limit`, with the carrier held, or
+  /// `sensor_saturated` once there is a tare, PlantError when the plant fails. `force_limit`: below
+  /// that of the limits [N].
+  const PlantBlock& step(const PlantCommand& command,
+                         double force_limit = std::numeric_limits<double>::infinity());
   const PlantBlock& wait(int blocks);
   /// The exciter goes out with the next step, unless that command sets it.
   void exciterNext(const ExciterParameters& exciter) { exciter_ = exciter; }
@@ -61,11 +79,8 @@ class GuardedCarrier {
   /// where a channel stays at its limit.
   bool settle();
 
-  /// Moves the rest pose and waits until it is there. Without `to_the_end` a noisy pose ends the
-  /// wait a little early, which is enough before a tare; a move that follows waits for the end
-  /// first, as a carrier that gets a far target while it brakes overshoots (6 mm in 20 mm). Throws
-  /// AlignError `not_arrived`.
-  void moveTo(const RestPose& target, bool to_the_end = true);
+  /// Moves the rest pose and waits until it is there. Throws AlignError `not_arrived`.
+  void moveTo(const RestPose& target, Move move = Move::kToTheEnd);
   /// A step that a block has time for. `alarm`: instead of that of the force limit.
   void nudge(const RestPose& target, const std::optional<ForceAlarm>& alarm = std::nullopt);
 

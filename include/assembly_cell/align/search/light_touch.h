@@ -26,6 +26,9 @@ struct Touch {
   bool isGone() const { return std::hypot(force, sideways) < kGone * min_force; }
   /// Two points of the edge, or the wall: one point of the edge can't be so near the axis.
   bool straddles() const { return reach < 0.8; }
+  /// Farther from the axis than the edge, even by a sensor that is wrong by 4 mm: perhaps the
+  /// hole's rim at the peg's side.
+  bool isBeyondEdge() const { return reach > 1.2; }
   /// Steeper than friction on any contact that may be pressed: the hole's rim nearly along the
   /// edge, a wall, a wedge.
   bool isSteep() const { return sideways > 0.75 * force; }
