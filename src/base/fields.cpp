@@ -153,7 +153,7 @@ std::string Field::remedy() const {
     case Kind::kOther:
       break;
   }
-  return "give a list or a mapping in a file";
+  return "give a text, a list or a mapping in a file";
 }
 
 bool Field::parse(const std::string& given) const {

@@ -4,6 +4,7 @@
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/mechanism/mechanism.h"
+#include "fit.h"
 
 namespace assembly_cell {
 
@@ -23,7 +24,24 @@ constexpr double kMinSinTheta = 0.1;
 // rounding of k² against the product of its diagonal entries
 constexpr double kDefiniteRounding = 1e-12;
 
+std::optional<MechanismProblem> problemOf(const std::string& part, double radius,
+                                          const RadiusTolerance& tolerance) {
+  const auto [low, high] = tolerance;
+  if (low > high) {
+    return MechanismProblem{
+        part + ".radius_tolerance[0]", low,
+        "give the smaller radius first, then the larger; the second is " + shown(high)};
+  }
+  if (radius < low || radius > high) {
+    return MechanismProblem{part + ".radius", radius,
+                            "not within " + part + ".radius_tolerance, " + shown(low) + " to " +
+                                shown(high) + " m; correct one of them"};
+  }
+  return {};
+}
+
 std::optional<MechanismProblem> problemOf(const PegParameters& peg) {
+  if (auto problem = problemOf("peg", peg.radius, peg.radius_tolerance)) return problem;
   // no body has more inertia about an axis than the sum about the two across
   if (peg.inertia_axial > 2.0 * peg.inertia_transverse) {
     return MechanismProblem{"peg.inertia_axial", peg.inertia_axial,
@@ -43,6 +61,7 @@ std::optional<MechanismProblem> problemOf(const PegParameters& peg) {
 }
 
 std::optional<MechanismProblem> problemOf(const HoleParameters& hole) {
+  if (auto problem = problemOf("hole", hole.radius, hole.radius_tolerance)) return problem;
   if (!(mouthRadius(hole) < blockRadius(hole))) {
     return MechanismProblem{
         "hole.chamfer.width", hole.chamfer_width,
@@ -84,8 +103,19 @@ static void chamferFields(FieldList& f, double& width, double& angle) {
       .written(width > 0.0);
 }
 
+// Radius of the peg or of the hole.
+static void radiusFields(FieldList& f, double& radius, RadiusTolerance& tolerance,
+                         const char* description) {
+  Field& field = f.number("radius", radius, kSize, description).required();
+  if (tolerance == kNoTolerance) field.independent();
+  f.numbers("radius_tolerance", tolerance.data(), 2, kSize,
+            "Smallest and largest radius by the drawing [m]: what is known of the clearance.")
+      .derived("none")
+      .written(tolerance != kNoTolerance);
+}
+
 static void fields(FieldList& f, PegParameters& p) {
-  f.number("radius", p.radius, kSize, "Radius of the peg.").required().independent();
+  radiusFields(f, p.radius, p.radius_tolerance, "Radius of the peg.");
   f.number("half_height", p.half_height, kSize,
            "Distance from the centre of mass to the bottom edge.")
       .required();
@@ -106,8 +136,12 @@ static void fields(FieldList& f, PegParameters& p) {
   chamferFields(f, p.chamfer_width, p.chamfer_angle);
 }
 
-static void fields(FieldList& f, HoleParameters& p) {
-  f.number("radius", p.radius, kSize, "Radius of the hole.").required().independent();
+static void fields(FieldList& f, HoleParameters& p, PegParameters& peg) {
+  radiusFields(f, p.radius, p.radius_tolerance, "Radius of the hole.");
+  f.other(
+      "fit", [&p, &peg](yaml::Section& in) { readFit(in, p, peg); },
+      "Fit by ISO 286, such as H7/g6, in place of both tolerances. Equal radii of hole and peg are "
+      "the nominal one: the parts then have the middle of their zones.");
   f.number("depth", p.depth, positive("m"), "Depth of the hole; missing: infinite.")
       .written(std::isfinite(p.depth));
   chamferFields(f, p.chamfer_width, p.chamfer_angle);
@@ -201,7 +235,7 @@ void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario) {
       .required()
       .independent();
   f.section("peg", m.peg).required();
-  f.section("hole", m.hole).required();
+  f.group("hole", [&](FieldList& g) { fields(g, m.hole, m.peg); }).required();
   f.group("carrier", [&](FieldList& g) { fields(g, m.carrier, rest, in_scenario); }).required();
   f.group("coupling", [&](FieldList& g) { fields(g, m.coupling, rest, in_scenario); }).required();
   f.section("exciter", m.exciter).flow();

@@ -194,6 +194,7 @@ void turnStart(const Eigen::Matrix3d& R, Scenario& s) {
 Scenario trueScenario(const Scenario& nominal, const Truth& truth, const std::string& source) {
   Scenario s = nominal;
   s.imperfections = truth.imperfections;
+  s.mechanism.peg.radius_tolerance = s.mechanism.hole.radius_tolerance = kNoTolerance;
   if (!truth.scale.empty() || !truth.add.empty()) {
     for (const DrawnChange& change : truth.scale) scale(change, s);
     for (const DrawnChange& change : truth.add) add(change, source, s);

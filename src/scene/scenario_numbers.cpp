@@ -6,7 +6,9 @@
 namespace assembly_cell {
 namespace {
 
+// Tolerances are of the drawing: no part of a simulation has one.
 bool isNumber(const Field& field) {
+  if (field.name() == "radius_tolerance") return false;
   return field.kind == Field::Kind::kNumber || field.kind == Field::Kind::kNumbers;
 }
 

@@ -46,6 +46,20 @@ TEST(Clearance, PriorIsHalfOfTheDrawnOrTwentyMicrometres) {
   EXPECT_NEAR(drawnClearance(mechanism).sd, 2e-5, 1e-12);
 }
 
+// Of 20 mm, H7/g6 has a radial clearance of 3.5 to 20.5 um; the sd is that of two uniform radii.
+TEST(Clearance, PriorIsThatOfTolerances) {
+  const std::string path = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml";
+  const Clearance fitted = drawnClearance(
+      loadScenario(path, {"peg.radius=0.01", "hole={radius: 0.01, fit: H7/g6}"}).mechanism);
+  EXPECT_NEAR(fitted.mean, 12e-6, 1e-9);
+  EXPECT_NEAR(fitted.sd, std::hypot(10.5e-6, 6.5e-6) / std::sqrt(12.0), 1e-9);
+  EXPECT_GT(fitted.high(), 20.5e-6);
+  const Clearance wide =
+      drawnClearance(loadScenario(path, {"hole.radius_tolerance=[0.02505, 0.02525]"}).mechanism);
+  EXPECT_NEAR(wide.mean, 1.5e-4, 1e-9);
+  EXPECT_NEAR(wide.sd, 2e-4 / std::sqrt(12.0), 1e-9);
+}
+
 TEST(Clearance, AMeasurementWeighsByItsVariance) {
   Clearance clearance{1e-4, 4e-5};
   clearance.add(2e-4, 3e-5);

@@ -7,6 +7,7 @@
 #include <random>
 #include <sstream>
 
+#include "assembly_cell/scene/scenario_numbers.h"
 #include "scenario_text.h"
 
 namespace assembly_cell {
@@ -136,6 +137,41 @@ TEST(Scenario, NumbersInEveryNotation) {
     EXPECT_EQ(with({std::string("duration=") + text}).duration, value) << text;
   }
   EXPECT_EQ(with({"push=[-.5, -0, -1.0e-3]"}).push, Eigen::Vector3d(-0.5, 0.0, -1e-3));
+}
+
+// ISO 286-2: of 50 mm, H7 is 0 to 25 um and g6 -25 to -9 um; of 20 mm 0 to 21 and -20 to -7 um.
+TEST(Scenario, AFitIsTheTolerancesOfBothRadii) {
+  const auto expect = [](const RadiusTolerance& found, double low, double high) {
+    EXPECT_NEAR(found[0], low, 1e-9);
+    EXPECT_NEAR(found[1], high, 1e-9);
+  };
+  // radii that are the nominal one become the middle of their zones
+  const Mechanism nominal = with({"hole={radius: 0.025, fit: H7/g6}"}).mechanism;
+  EXPECT_NEAR(nominal.hole.radius, 0.02500625, 1e-12);
+  EXPECT_NEAR(nominal.peg.radius, 0.0249915, 1e-12);
+  expect(nominal.hole.radius_tolerance, 0.025, 0.0250125);
+  expect(nominal.peg.radius_tolerance, 0.0249875, 0.0249955);
+  // others are those of the parts, as make_peg writes them
+  const Mechanism middle =
+      with({"hole={radius: 0.01000525, fit: H7/g6}", "peg.radius=0.00999325"}).mechanism;
+  EXPECT_EQ(middle.hole.radius, 0.01000525);
+  EXPECT_EQ(middle.peg.radius, 0.00999325);
+  expect(middle.hole.radius_tolerance, 0.01, 0.0100105);
+  expect(middle.peg.radius_tolerance, 0.00999, 0.0099965);
+  // a mechanism file that is written has the tolerances
+  const Mechanism again = parseMechanism(mechanismText(middle), "written");
+  EXPECT_EQ(again.hole.radius_tolerance, middle.hole.radius_tolerance);
+  EXPECT_EQ(again.peg.radius_tolerance, middle.peg.radius_tolerance);
+  EXPECT_EQ(with({}).mechanism.hole.radius_tolerance, kNoTolerance);
+  const Mechanism given = with({"hole.radius_tolerance=[0.0250, 0.0252]"}).mechanism;
+  expect(given.hole.radius_tolerance, 0.025, 0.0252);
+  // a study reads the file again for each radius then
+  Scenario free = with({}), fitted = with({"hole={radius: 0.025, fit: H7/g6}"});
+  bool independent = false;
+  ASSERT_NE(scenarioNumber(free, "hole.radius", &independent), nullptr);
+  EXPECT_TRUE(independent);
+  ASSERT_NE(scenarioNumber(fitted, "hole.radius", &independent), nullptr);
+  EXPECT_FALSE(independent);
 }
 
 TEST(Scenario, GravityIsANumberOrAVector) {

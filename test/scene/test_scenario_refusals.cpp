@@ -93,6 +93,12 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
        "the block's wall is 0.0199 m wide; give less"},
       {"hole.chamfer={width: 1e-3, angle: 0}", "hole.chamfer.angle: value 0", "0.1"},
       {"hole.chamfer={angle: 0.5}", "hole.chamfer.width", "missing"},
+      {"hole.radius_tolerance=[0.0252, 0.025]", "hole.radius_tolerance[0]: value 0.0252",
+       "give the smaller radius first, then the larger; the second is 0.025"},
+      {"peg.radius_tolerance=[0.02498, 0.02499]", "peg.radius: value 0.025",
+       "not within peg.radius_tolerance, 0.02498 to 0.02499 m; correct one of them"},
+      {"peg.radius_tolerance=[0, 0.025]", "peg.radius_tolerance[0]: value 0", "> 0"},
+      {"peg.radius_tolerance=0.025", "peg.radius_tolerance: value 0.025", "list of 2 numbers"},
       {"carrier.mass=0", "carrier.mass", "> 0"},
       {"carrier.inertia=0", "carrier.inertia", "> 0"},
       {"carrier.stiffness[1]=-1", "carrier.stiffness[1]: value -1", ">= 0"},
@@ -153,6 +159,30 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
 }
 
 // Every key of the base file is needed: without it the line names the key.
+TEST(Scenario, RefusesFitsThatItDoesNotHave) {
+  const char* const remedy =
+      ": give hole and shaft by ISO 286, such as H7/g6: D to H or JS, d to h, js, k, m, n or p, "
+      "each "
+      "with a grade from 5 to 11";
+  for (const char* name : {"H7", "H7/q6", "h6/H7", "H7/g6x", "H4/g6", "H12/g6", "A7/g6"}) {
+    EXPECT_EQ(errorOf(kBase, {std::string("hole={radius: 0.025, fit: ") + name + "}"}),
+              std::string("file.yaml: hole.fit: value ") + name + remedy);
+  }
+  EXPECT_EQ(errorOf(kBase, {"hole.fit=H7/g6"}),
+            "file.yaml: hole.fit: value H7/g6: hole.radius 0.0251 and peg.radius 0.025 m are in no "
+            "zones of this fit; correct them, or give both the nominal radius");
+  EXPECT_EQ(
+      errorOf(kBase, {"hole.radius=0.2", "peg.radius=0.2", "hole.fit=H7/g6"}),
+      "file.yaml: hole.fit: value H7/g6: hole.radius is 0.2 m, and fits are tabulated up to a "
+      "diameter of 180 mm; give radius_tolerance of hole and peg in its place");
+  for (const char* part : {"hole", "peg"}) {
+    EXPECT_EQ(errorOf(kBase, {"hole={radius: 0.025, fit: H7/g6}",
+                              std::string(part) + ".radius_tolerance=[0.02, 0.03]"}),
+              "file.yaml: hole.fit: value H7/g6: it determines radius_tolerance of hole and peg, "
+              "leave one of them out");
+  }
+}
+
 TEST(Scenario, RefusesEachMissingKey) {
   const char* const keys[] = {"name",
                               "duration",

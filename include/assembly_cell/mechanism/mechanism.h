@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -17,6 +18,11 @@ class FieldList;
 // What is known of the cell's parts: all that strategies, estimators, locus fit and displacement
 // map see. Where the hole is and how a simulation runs is in a Scenario. SI units.
 
+/// Smallest and largest radius by the drawing, infinite where it has none. [m]
+using RadiusTolerance = std::array<double, 2>;
+constexpr RadiusTolerance kNoTolerance{-std::numeric_limits<double>::infinity(),
+                                       std::numeric_limits<double>::infinity()};
+
 struct PegParameters {
   double radius = 0.0;              ///< [m]
   double half_height = 0.0;         ///< h: centre of mass to bottom edge circle [m]
@@ -27,6 +33,7 @@ struct PegParameters {
   double exciter_height = 0.0;      ///< d1: centre of mass to the exciter's force [m]
   double chamfer_width = 0.0;       ///< of the bottom edge, across; 0: sharp [m]
   double chamfer_angle = 0.7853981633974483;  ///< of its face to the peg's axis [rad]
+  RadiusTolerance radius_tolerance = kNoTolerance;
 };
 
 struct HoleParameters {
@@ -34,6 +41,7 @@ struct HoleParameters {
   double depth = std::numeric_limits<double>::infinity();  ///< [m]
   double chamfer_width = 0.0;                              ///< of the rim, across; 0: sharp [m]
   double chamfer_angle = 0.7853981633974483;               ///< of its face to the hole's axis [rad]
+  RadiusTolerance radius_tolerance = kNoTolerance;
 };
 
 /// Between which a chamfer's angle lies [rad].

@@ -25,11 +25,25 @@ struct Clearance {
   }
 };
 
-/// The clearance of a drawing without tolerances: give or take a half of it, or 20 µm where that is
-/// more.
+/// The clearance by the drawing. Radii are uniform within their tolerances; without any it is the
+/// drawn one, give or take a half of it, or 20 µm where that is more.
 inline Clearance drawnClearance(const Mechanism& mechanism) {
-  const double drawn = mechanism.hole.radius - mechanism.peg.radius;
-  return {drawn, std::max(0.5 * drawn, 2e-5)};
+  constexpr double kForm = 1e-6;  // of parts that are never perfectly round [m]
+  const HoleParameters& hole = mechanism.hole;
+  const PegParameters& peg = mechanism.peg;
+  double drawn = hole.radius - peg.radius, variance = 0.0;
+  const auto add = [&](double radius, const RadiusTolerance& tolerance, double sign) {
+    if (tolerance == kNoTolerance) return;
+    const double width = tolerance[1] - tolerance[0];
+    drawn += sign * (0.5 * (tolerance[0] + tolerance[1]) - radius);
+    variance += width * width / 12.0;
+  };
+  add(hole.radius, hole.radius_tolerance, 1.0);
+  add(peg.radius, peg.radius_tolerance, -1.0);
+  if (hole.radius_tolerance == kNoTolerance && peg.radius_tolerance == kNoTolerance) {
+    return {drawn, std::max(0.5 * drawn, 2e-5)};
+  }
+  return {drawn, std::max(std::sqrt(variance), kForm)};
 }
 
 }  // namespace assembly_cell
