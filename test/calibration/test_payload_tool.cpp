@@ -76,6 +76,22 @@ TEST(PayloadTool, RealRecording) {
 }
 
 // Every other pose alone, twice the gap of the requirement's check, predicts the rest.
+// Their names are those of the bridge's file of parameters.
+TEST(PayloadTool, PrintsTheParametersOfTheArmsBridge) {
+  const ToolRun o = call({kData + "poses.csv", kData + "wrenches.csv"});
+  ASSERT_EQ(o.code, 0) << o.error;
+  const YAML::Node y = YAML::Load(o.out);
+  const YAML::Node bridge =
+      YAML::LoadFile(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/arm/arm_bridge.yaml");
+  ASSERT_TRUE(bridge["payload_mass"] && bridge["payload_centre"]);
+  EXPECT_EQ(y["payload_mass"].as<double>(), y["mass"].as<double>());
+  ASSERT_EQ(y["payload_centre"].size(), bridge["payload_centre"].size());
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(y["payload_centre"][i].as<double>(), y["center_of_mass"][i].as<double>());
+  }
+  EXPECT_NE(o.out.find("\npayload_mass: "), std::string::npos);
+}
+
 TEST(PayloadTool, EveryOtherPosePredictsTheRest) {
   const std::vector<std::string> poses = lines(kData + "poses.csv");
   const std::vector<std::string> wrenches = lines(kData + "wrenches.csv");

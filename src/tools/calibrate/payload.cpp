@@ -409,7 +409,9 @@ int run(const Options& options, std::ostream& out) {
   const std::vector<std::string> found = findings(model, doubts);
   printSummary(out, model, gravity, found);
   if (doubts.empty()) {
-    out << "status: ok\n";
+    // parameters of arm_bridge
+    out << "status: ok\npayload_mass: " << yamlNumber(model.weight / gravity)
+        << "\npayload_centre: " << list(model.center_of_mass) << "\n";
   } else {
     out << "status: doubtful\nreason: \"" << doubts.front() << "\"\n";
   }
