@@ -66,6 +66,11 @@ Field& Field::required(bool is) {
   return *this;
 }
 
+Field& Field::requiredUnless(const char* other) {
+  unless = other;
+  return required();
+}
+
 Field& Field::independent() {
   is_independent = true;
   return *this;

@@ -293,7 +293,8 @@ void Section::readFields(std::deque<Field>::const_iterator at,
     const Field& field = *at++;
     const bool is_section = field.kind == Field::Kind::kSection;
     const auto after = is_section ? at + static_cast<std::ptrdiff_t>(field.count) : at;
-    if (optional(field.name()) || field.is_required) {
+    const bool replaced = field.unless != nullptr && optional(field.unless);
+    if (optional(field.name()) || (field.is_required && !replaced)) {
       if (is_section) {
         Section inner = section(field.name());
         inner.readFields(at, after);

@@ -11,8 +11,9 @@
 namespace assembly_cell {
 namespace {
 
-// FK or FC = K d with K of thesis order: diagonal plus (2,6) and (3,5). By elements, here and
-// below: vector loads of elements written one by one would stall (store forwarding).
+// FK or FC = K d with K of thesis order: diagonal, (2,6), (3,5), and cross terms where there are
+// any. By elements, here and below: vector loads of elements written one by one would stall (store
+// forwarding).
 Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
   Vector6 f;
   f(0) = K.diagonal(0) * d(0);
@@ -21,6 +22,7 @@ Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
   f(3) = K.diagonal(3) * d(3);
   f(4) = K.diagonal(4) * d(4) + K.k35 * d(2);
   f(5) = K.diagonal(5) * d(5) + K.k26 * d(1);
+  if (!K.cross.isZero(0.0)) f += fullMatrix({Vector6::Zero(), 0.0, 0.0, K.cross}) * d;
   return f;
 }
 

@@ -14,12 +14,6 @@ void setMass(double factor, double& mass, double& inertia) {
   inertia *= factor;
 }
 
-void scaleRows(const double* factors, CouplingMatrix& matrix) {
-  for (int i = 0; i < 6; ++i) matrix.diagonal[i] *= factors[i];
-  matrix.k26 *= std::sqrt(factors[1] * factors[5]);
-  matrix.k35 *= std::sqrt(factors[2] * factors[4]);
-}
-
 // factor or value of every unknown at z
 UnknownVector amounts(const std::vector<Unknown>& unknowns, const UnknownVector& z) {
   UnknownVector amount;
@@ -93,8 +87,8 @@ MechanismModel modelAt(const Mechanism& nominal, const std::vector<Unknown>& unk
   const UnknownVector amount = amounts(unknowns, z);
   MechanismModel model{nominal, {}};
   Mechanism& m = model.mechanism;
-  scaleRows(amount.data() + kStiffness, m.coupling.stiffness);
-  scaleRows(amount.data() + kDamping, m.coupling.damping);
+  scaleRows(m.coupling.stiffness, amount.segment<6>(kStiffness));
+  scaleRows(m.coupling.damping, amount.segment<6>(kDamping));
   setMass(amount[kPegMass], m.peg.mass, m.peg.inertia_transverse);
   m.peg.inertia_axial *= amount[kPegMass];
   m.peg.coupling_height += amount[kCouplingHeight];

@@ -21,14 +21,6 @@ constexpr double kLag = 0.01;  // of the carrier's compliance [s]
 // rows of the thesis order z, x, y by x, y, z
 Matrix3d thesisOrder() { return (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished(); }
 
-// 6×6 of the coupling, thesis order
-Matrix6 symmetric(const CouplingMatrix& m) {
-  Matrix6 full = m.diagonal.asDiagonal();
-  full(1, 5) = full(5, 1) = m.k26;
-  full(2, 4) = full(4, 2) = m.k35;
-  return full;
-}
-
 // the same matrix for both halves of a twist or wrench
 Matrix6 twice(const Matrix3d& m) {
   Matrix6 both = Matrix6::Zero();
@@ -99,8 +91,8 @@ MotionParts::MotionParts(const Mechanism& mechanism, const Vector2d& tilt,
     carrier(1, kCarrier) = carrier(2, kCarrier + 1) = carrier(3, kCarrier + 2) = -1.0;
   }
   const Matrix69 spring_of = spring * twist + carrier, damper_of = damper * twist + carrier;
-  const Matrix69 spring_force = symmetric(mechanism.coupling.stiffness) * spring_of;
-  const Matrix69 damper_force = symmetric(mechanism.coupling.damping) * damper_of;
+  const Matrix69 spring_force = fullMatrix(mechanism.coupling.stiffness) * spring_of;
+  const Matrix69 damper_force = fullMatrix(mechanism.coupling.damping) * damper_of;
   spring_wrench = spring.transpose() * spring_force;
   damper_wrench = damper.transpose() * damper_force;
   displaced = twist.topRows<3>();
@@ -296,7 +288,7 @@ Eigen::Vector2cd counterRotating(Complex x, Complex y) {
 
 Matrix6 sensorStiffness(const Mechanism& mechanism) {
   const Matrix6 order = twice(thesisOrder());
-  return order.transpose() * symmetric(mechanism.coupling.stiffness) * order;
+  return order.transpose() * fullMatrix(mechanism.coupling.stiffness) * order;
 }
 
 Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const UnheldMotion& free,

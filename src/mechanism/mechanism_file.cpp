@@ -1,7 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <cmath>
 
 #include "assembly_cell/base/fields.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "fit.h"
@@ -23,6 +26,9 @@ constexpr Range kInertia = positive("kg m2");
 constexpr double kMinSinTheta = 0.1;
 // rounding of k² against the product of its diagonal entries
 constexpr double kDefiniteRounding = 1e-12;
+// of a compliance: rounding of entries that are written with seven digits, and least eigenvalue of
+// one whose inverse keeps six digits
+constexpr double kSymmetricRounding = 1e-6, kLeastDefinite = 1e-9;
 
 std::optional<MechanismProblem> problemOf(const std::string& part, double radius,
                                           const RadiusTolerance& tolerance) {
@@ -73,6 +79,46 @@ std::optional<MechanismProblem> problemOf(const HoleParameters& hole) {
                                 shown(hole.depth) + "; give less"};
   }
   return {};
+}
+
+// Row of the thesis order that a row x, y, z, about x, y, z has, and the other way round.
+constexpr int kThesisOfWrench[] = {1, 2, 0, 4, 5, 3}, kWrenchOfThesis[] = {2, 0, 1, 5, 3, 4};
+
+Matrix6 reordered(const Matrix6& matrix, const int (&row)[6]) {
+  Matrix6 out;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) out(i, j) = matrix(row[i], row[j]);
+  }
+  return out;
+}
+
+double leastEigenvalue(const Matrix6& symmetric) {
+  return Eigen::SelfAdjointEigenSolver<Matrix6>(symmetric, Eigen::EigenvaluesOnly)
+      .eigenvalues()
+      .minCoeff();
+}
+
+// Of a matrix with cross terms besides k26 and k35: each entry is divided by the roots of its two
+// diagonal entries, so that units don't count.
+std::optional<MechanismProblem> indefinite(const CouplingMatrix& stiffness) {
+  if (stiffness.cross.isZero(0.0)) return {};
+  const Vector6 size = stiffness.diagonal.cwiseSqrt();
+  const Matrix6 full = fullMatrix(stiffness);
+  Matrix6 relative;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      if (full(i, j) != 0.0 && size(i) * size(j) == 0.0) {
+        return MechanismProblem{"coupling.stiffness.cross", full(i, j),
+                                "a row without stiffness has no cross terms; give 0"};
+      }
+      relative(i, j) = full(i, j) == 0.0 ? 0.0 : full(i, j) / (size(i) * size(j));
+    }
+  }
+  const double least = leastEigenvalue(relative);
+  if (least > -kDefiniteRounding) return {};
+  return MechanismProblem{"coupling.stiffness.cross", least,
+                          "lowest eigenvalue of the matrix, entries divided by the roots of their "
+                          "diagonal entries; give smaller cross terms"};
 }
 
 std::optional<MechanismProblem> indefinite(const CouplingMatrix& matrix, const char* key, int i,
@@ -174,25 +220,77 @@ static void fields(FieldList& f, CarrierParameters& p, RestPose& rest, bool in_s
 
 // `letter` of the two cross terms: k or c
 static void couplingMatrixFields(FieldList& f, CouplingMatrix& m, bool stiffness) {
-  f.group(stiffness ? "stiffness" : "damping",
-          [&](FieldList& g) {
-            g.numbers("diagonal", m.diagonal.data(), 6, Range::kNotNegative,
-                      stiffness ? "Stiffness along z, x, y [N/m], about z, x, y [N m/rad]."
-                                : "Damping along z, x, y [N s/m], about z, x, y [N m s/rad].")
-                .required();
-            g.number(stiffness ? "k26" : "c26", m.k26, Range::kAny,
-                     "Cross term of x with the rotation about y.")
-                .required();
-            g.number(stiffness ? "k35" : "c35", m.k35, Range::kAny,
-                     "Cross term of y with the rotation about x.")
-                .required();
-          })
-      .required()
-      .flow();
+  Field& group = f.group(stiffness ? "stiffness" : "damping", [&](FieldList& g) {
+    g.numbers("diagonal", m.diagonal.data(), 6, Range::kNotNegative,
+              stiffness ? "Stiffness along z, x, y [N/m], about z, x, y [N m/rad]."
+                        : "Damping along z, x, y [N s/m], about z, x, y [N m s/rad].")
+        .required();
+    g.number(stiffness ? "k26" : "c26", m.k26, Range::kAny,
+             "Cross term of x with the rotation about y.")
+        .required();
+    g.number(stiffness ? "k35" : "c35", m.k35, Range::kAny,
+             "Cross term of y with the rotation about x.")
+        .required();
+    if (!stiffness) return;
+    g.numbers("cross", m.cross.data(), 13, Range::kAny,
+              "The other entries above the diagonal, row by row: z with x is the first.")
+        .derived("zeros")
+        .written(!m.cross.isZero(0.0));
+  });
+  group.flow();
+  if (stiffness) {
+    group.requiredUnless("compliance");
+  } else {
+    group.required();
+  }
+}
+
+static void readCompliance(yaml::Section& in, CouplingMatrix& stiffness) {
+  const std::string key = "compliance", path = in.at(key);
+  const Eigen::Matrix<double, 36, 1> rows = in.numbers<36>(key, Range::kAny);
+  if (in.optional("stiffness")) {
+    in.refuse(path, "36 numbers", "coupling.stiffness is given, too; leave one of them out");
+  }
+  const auto C = [&](int i, int j) { return rows(6 * i + j); };
+  Matrix6 relative;  // of its diagonal, without units
+  Vector6 size;
+  for (int i = 0; i < 6; ++i) {
+    if (!(C(i, i) > 0.0)) {
+      in.refuse(
+          path, C(i, i),
+          text("entry (%d, %d) is not above 0; give a positive definite matrix", i + 1, i + 1));
+    }
+    size(i) = std::sqrt(C(i, i));
+  }
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      if (std::abs(C(i, j) - C(j, i)) > kSymmetricRounding * size(i) * size(j)) {
+        in.refuse(path, C(i, j),
+                  text("entry (%d, %d) differs from (%d, %d), ", i + 1, j + 1, j + 1, i + 1) +
+                      shown(C(j, i)) + "; give a symmetric matrix, the mean of both");
+      }
+      relative(i, j) = 0.5 * (C(i, j) + C(j, i)) / (size(i) * size(j));
+    }
+  }
+  const double least = leastEigenvalue(relative);
+  if (!(least > kLeastDefinite)) {
+    in.refuse(path, least,
+              "lowest eigenvalue, each entry divided by the roots of its two diagonal entries; "
+              "give a positive definite matrix");
+  }
+  const Matrix6 scale = size.cwiseInverse().asDiagonal();
+  const Matrix6 K = scale * relative.inverse() * scale;
+  stiffness = couplingMatrix(reordered(0.5 * (K + K.transpose()), kWrenchOfThesis));
 }
 
 static void fields(FieldList& f, CouplingParameters& p, RestPose& rest, bool in_scenario) {
   couplingMatrixFields(f, p.stiffness, true);
+  f.other(
+       "compliance", [&p](yaml::Section& in) { readCompliance(in, p.stiffness); },
+       "In place of stiffness: 36 numbers, row by row, displacement by wrench, both x, y, z, about "
+       "x, y, z of the carrier [m/N, rad/N, m/(N m), rad/(N m)].")
+      .derived("none")
+      .written(false);
   couplingMatrixFields(f, p.damping, false);
   f.choice("axes", p.axes, {"hole", "carrier"},
            "Axes of springs and dampers: those of the frame hole, or of the carrier.")
@@ -248,6 +346,7 @@ std::optional<MechanismProblem> problemOf(const Mechanism& m) {
   const CouplingMatrix &k = m.coupling.stiffness, &c = m.coupling.damping;
   if (auto problem = indefinite(k, "coupling.stiffness.k26", 1, 5, k.k26)) return problem;
   if (auto problem = indefinite(k, "coupling.stiffness.k35", 2, 4, k.k35)) return problem;
+  if (auto problem = indefinite(k)) return problem;
   if (auto problem = indefinite(c, "coupling.damping.c26", 1, 5, c.k26)) return problem;
   if (auto problem = indefinite(c, "coupling.damping.c35", 2, 4, c.k35)) return problem;
   if (m.exciter.direction == 0) {
@@ -280,12 +379,40 @@ RestPose restFromPose(const Pose& pose) {
 }
 
 Matrix6 couplingStiffness(const CouplingParameters& coupling) {
-  const Vector6& k = coupling.stiffness.diagonal;  // order z, x, y, about z, x, y
-  Matrix6 K = Matrix6::Zero();
-  K.diagonal() << k(1), k(2), k(0), k(4), k(5), k(3);
-  K(0, 4) = K(4, 0) = coupling.stiffness.k26;
-  K(1, 3) = K(3, 1) = coupling.stiffness.k35;
-  return K;
+  return reordered(fullMatrix(coupling.stiffness), kThesisOfWrench);
+}
+
+Matrix6 fullMatrix(const CouplingMatrix& matrix) {
+  Matrix6 full = matrix.diagonal.asDiagonal();
+  int next = 0;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = i + 1; j < 6; ++j) {
+      const bool is26 = i == 1 && j == 5, is35 = i == 2 && j == 4;
+      full(i, j) = full(j, i) = is26 ? matrix.k26 : is35 ? matrix.k35 : matrix.cross(next++);
+    }
+  }
+  return full;
+}
+
+CouplingMatrix couplingMatrix(const Matrix6& full) {
+  CouplingMatrix matrix{full.diagonal(), full(1, 5), full(2, 4)};
+  int next = 0;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = i + 1; j < 6; ++j) {
+      if ((i == 1 && j == 5) || (i == 2 && j == 4)) continue;
+      matrix.cross(next++) = full(i, j);
+    }
+  }
+  return matrix;
+}
+
+void scaleRows(CouplingMatrix& matrix, const Vector6& factors) {
+  Matrix6 full = fullMatrix(matrix);
+  for (int i = 0; i < 6; ++i) {
+    full(i, i) *= factors(i);
+    for (int j = i + 1; j < 6; ++j) full(i, j) *= std::sqrt(factors(i) * factors(j));
+  }
+  matrix = couplingMatrix(full);
 }
 
 Mechanism loadMechanism(const std::string& path, const std::vector<std::string>& overrides) {

@@ -28,12 +28,8 @@ bool isMatrix(const std::string& path) {
 
 // diagonal by its factors, the cross terms with the root of their rows' factors
 void scaleMatrix(const DrawnChange& change, CouplingMatrix& matrix) {
-  const auto factor = [&change](std::size_t row) {
-    return change.each ? change.values[row] : change.values.front();
-  };
-  for (std::size_t i = 0; i < 6; ++i) matrix.diagonal(static_cast<int>(i)) *= factor(i);
-  matrix.k26 *= std::sqrt(factor(1) * factor(5));
-  matrix.k35 *= std::sqrt(factor(2) * factor(4));
+  scaleRows(matrix, change.each ? Vector6(Vector6::Map(change.values.data()))
+                                : Vector6(Vector6::Constant(change.values.front())));
 }
 
 // inertias go with the mass of their part

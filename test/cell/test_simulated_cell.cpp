@@ -6,12 +6,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
+#include <iterator>
 #include <string>
 #include <vector>
 
 #include "../dynamics/scenes.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/two_sensor/rig.h"
+#include "assembly_cell/cell/start.h"
 #include "scenarios.h"
 
 namespace assembly_cell {
@@ -276,6 +279,48 @@ TEST(SimulatedCell, BurrMultipliesTheFrictionOverItsDepthOnly) {
     }
     EXPECT_GT(inside, 5) << rigid;
     EXPECT_GT(outside, 5) << rigid;
+  }
+}
+
+// A mount whose axes are all coupled: the peg's weight bends it by compliance times wrench.
+TEST(SimulatedCell, AMountYieldsByItsCompliance) {
+  std::ifstream in(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const std::size_t at = text.find("  stiffness: {diagonal");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(
+      at, text.find('\n', at) - at,
+      "  compliance: [2e-5, 0, 8e-6, 0, 1e-4, 1e-4, 0, 3e-5, 6e-6, 2e-4, 0, 0, 8e-6, 6e-6, "
+      "2e-5, 1e-4, -1e-4, 0, 0, 2e-4, 1e-4, 2e-2, 0, 1e-3, 1e-4, 0, -1e-4, 0, 2e-2, 0, "
+      "1e-4, 0, 0, 1e-3, 0, 2e-2]\n  axes: carrier");
+  const Scenario nominal =
+      startAt(parseScenario(text, "test"), Eigen::Vector2d(0.004, 0), Eigen::Vector2d(0, 0), 0.02);
+  const Mechanism& m = nominal.mechanism;
+  std::vector<WorldChoice> worlds(1);
+  try {
+    worlds.push_back(parseWorld("mujoco", "test"));
+  } catch (const InputError&) {  // this build has none
+  }
+  for (const WorldChoice& world : worlds) {
+    CellParameters parameters;
+    parameters.world = world;
+    SimulatedCell cell(nominal, parameters);
+    StrainBlock block;
+    while (cell.world().time() < 6.0) ASSERT_EQ(cell.next(block), StopReason::kOk);
+    const Vector6 wrench = cell.world().couplingWrench();
+    EXPECT_NEAR(wrench(2), -m.peg.mass * m.gravity, 1e-3);
+    const Pose carrier = cell.world().carrierPose();
+    const Pose arm{Eigen::Matrix3d::Identity(),
+                   Eigen::Vector3d(0, 0, m.peg.half_height + m.peg.coupling_height)};
+    const Pose off = inverse(carrier) * (cell.world().pegPose() * arm);
+    Vector6 bent;
+    bent << off.p, vectorFromRotation(off.R).value;
+    const Vector6 expected = couplingStiffness(m.coupling).inverse() * wrench;
+    EXPECT_GT(std::abs(expected(0)), 1e-5);
+    EXPECT_GT(std::abs(expected(3)), 1e-4);
+    for (int i = 0; i < 6; ++i) {
+      EXPECT_NEAR(bent(i), expected(i), 1e-2 * std::abs(expected(i)) + (i < 3 ? 2e-7 : 2e-6)) << i;
+    }
   }
 }
 

@@ -7,6 +7,7 @@
 #include <random>
 #include <sstream>
 
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/scene/scenario_numbers.h"
 #include "scenario_text.h"
 
@@ -127,6 +128,31 @@ TEST(Scenario, AbsentInitialStartsAtRestStressFree) {
   EXPECT_EQ(s.initial.carrier_yaw, 0.3);
   EXPECT_EQ(s.initial.velocity, Eigen::Vector3d::Zero());
   EXPECT_FALSE(s.initial.close);
+}
+
+// A mount's compliance, every entry its own: its inverse is the stiffness, in the order of a
+// wrench, and what a program writes is read again with the same entries.
+TEST(Scenario, AComplianceIsTheInverseOfTheStiffness) {
+  Matrix6 L = Matrix6::Zero();
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j <= i; ++j) L(i, j) = i == j ? 1.0 : 0.05 * (i + 1) - 0.04 * j;
+  }
+  Vector6 size;
+  size << 2e-3, 3e-3, 1e-3, 5e-2, 4e-2, 6e-2;
+  const Matrix6 C = size.asDiagonal() * (L * L.transpose()) * size.asDiagonal();
+  std::string rows;
+  for (int i = 0; i < 36; ++i) rows += (i == 0 ? "[" : ", ") + yamlNumber(C(i / 6, i % 6));
+  std::string text = kBase;
+  const std::size_t at = text.find("  stiffness: {diagonal: [10");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, text.find('\n', at) - at, "  compliance: " + rows + "]");
+  const Scenario s = parseScenario(text, "file.yaml");
+  const Matrix6 one = couplingStiffness(s.mechanism.coupling) * C;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) EXPECT_NEAR(one(i, j) * size(i) / size(j), i == j, 1e-12);
+  }
+  const Mechanism again = parseMechanism(mechanismText(s.mechanism), "again");
+  EXPECT_EQ(couplingStiffness(again.coupling), couplingStiffness(s.mechanism.coupling));
 }
 
 TEST(Scenario, NumbersInEveryNotation) {

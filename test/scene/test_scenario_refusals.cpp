@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/yaml_section.h"
 #include "scenario_text.h"
 
 namespace assembly_cell {
@@ -158,7 +159,6 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
   });
 }
 
-// Every key of the base file is needed: without it the line names the key.
 TEST(Scenario, RefusesFitsThatItDoesNotHave) {
   const char* const remedy =
       ": give hole and shaft by ISO 286, such as H7/g6: D to H or JS, d to h, js, k, m, n or p, "
@@ -183,6 +183,67 @@ TEST(Scenario, RefusesFitsThatItDoesNotHave) {
   }
 }
 
+// 1 um/N and 1 mrad/(N m) each; entry `at` and its mirror are others.
+std::string complianceRows(int at, int mirror, double value, double mirrored) {
+  std::string rows;
+  for (int i = 0; i < 36; ++i) {
+    const double plain = i % 7 != 0 ? 0.0 : i < 18 ? 1e-6 : 1e-3;
+    rows += (i == 0 ? "[" : ", ") + yaml::shown(i == at ? value : i == mirror ? mirrored : plain);
+  }
+  return rows + "]";
+}
+
+TEST(Scenario, RefusesAComplianceThatIsNone) {
+  const std::string base = kBase;
+  const std::size_t at = base.find("coupling:\n"), damping = base.find("  damping:", at);
+  ASSERT_LT(damping, base.find("rest:", at));
+  const auto refusal = [&](const std::string& given) {
+    std::string text = base;
+    text.replace(at, damping - at, "coupling:\n" + given);
+    try {
+      parseScenario(text, "file.yaml");
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  const std::string rows = complianceRows(-1, -1, 0.0, 0.0);
+  EXPECT_EQ(refusal("  compliance: " + rows + "\n"), "none");
+  const struct {
+    std::string given;
+    const char *key, *remedy;
+  } cases[] = {
+      {"", "coupling.stiffness", "missing"},
+      {"  compliance: [1, 2, 3]\n", "coupling.compliance", "a list of 3: give a list of 36"},
+      {"  compliance: stiff\n", "coupling.compliance: value stiff", "36"},
+      {"  compliance: " + complianceRows(1, 6, 1e-7, 0.0) + "\n",
+       "coupling.compliance: value 1e-07", "(1, 2) differs from (2, 1)"},
+      {"  compliance: " + complianceRows(0, -1, 0.0, 0.0) + "\n", "coupling.compliance: value 0",
+       "(1, 1) is not above 0"},
+      {"  compliance: " + complianceRows(21, -1, -1e-3, 0.0) + "\n",
+       "coupling.compliance: value -0.001", "positive definite"},
+      {"  compliance: " + complianceRows(1, 6, 2e-6, 2e-6) + "\n",
+       "coupling.compliance: value -1: lowest eigenvalue", "positive definite"},
+      {"  compliance: " + complianceRows(3, 18, 3.2e-5, 3.2e-5) + "\n",
+       "coupling.compliance: value -0.0119", "positive definite"},
+      {"  compliance: " + rows + "\n  stiffness: {diagonal: [1, 1, 1, 1, 1, 1], k26: 0, k35: 0}\n",
+       "coupling.compliance", "coupling.stiffness is given, too"},
+      {"  stiffness: {diagonal: [1, 1, 1, 1, 1, 1], k26: 0, k35: 0, cross: [1.1, 0, 0, 0, 0, 0, 0, "
+       "0, 0, 0, 0, 0, 0]}\n",
+       "coupling.stiffness.cross: value -0.1", "lowest eigenvalue"},
+      {"  stiffness: {diagonal: [0, 1, 1, 1, 1, 1], k26: 0, k35: 0, cross: [0.1, 0, 0, 0, 0, 0, 0, "
+       "0, 0, 0, 0, 0, 0]}\n",
+       "coupling.stiffness.cross: value 0.1", "give 0"},
+  };
+  for (const auto& c : cases) {
+    const std::string text = refusal(c.given);
+    EXPECT_NE(text.find(c.key), std::string::npos) << text;
+    EXPECT_NE(text.find(c.remedy), std::string::npos) << text;
+    EXPECT_EQ(text.find('\n'), std::string::npos);
+  }
+}
+
+// Every key of the base file is needed: without it the line names the key.
 TEST(Scenario, RefusesEachMissingKey) {
   const char* const keys[] = {"name",
                               "duration",

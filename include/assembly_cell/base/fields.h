@@ -53,12 +53,15 @@ struct Field {
 
   const char* origin = nullptr;  ///< of a default that depends on others: in words, else null
   bool is_required = false;      ///< a file or a node's parameters must have it
+  const char* unless = nullptr;  ///< of a required one: the key that may take its place
   bool is_independent = false;   ///< no other field and no check depends on it
   bool is_written = true;        ///< into a file
   bool is_flow = false;          ///< written on one line
   Change change = Change::kRestart;
 
   Field& required(bool is = true);
+  /// Required unless the same section has this key, a literal.
+  Field& requiredUnless(const char* other);
   /// The default depends on other parameters or on the node: in words, a literal.
   Field& derived(const char* from);
   Field& independent();

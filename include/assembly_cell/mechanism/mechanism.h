@@ -90,12 +90,21 @@ struct CarrierParameters {
   double max_acceleration = 1.0;                        ///< [m/s²]
 };
 
-/// Symmetric 6×6 in thesis order z, x, y, about z, about x, about y: a diagonal plus (2,6), (3,5).
+/// Symmetric 6×6 in thesis order z, x, y, about z, about x, about y. Couplings have a diagonal plus
+/// (2,6), (3,5); what a tool mount has besides is in `cross`.
 struct CouplingMatrix {
   Vector6 diagonal = Vector6::Zero();
   double k26 = 0.0;  ///< x with rotation about y
   double k35 = 0.0;  ///< y with rotation about x
+  /// The other entries above the diagonal, row by row.
+  Eigen::Matrix<double, 13, 1> cross = Eigen::Matrix<double, 13, 1>::Zero();
 };
+/// All entries, thesis order.
+Matrix6 fullMatrix(const CouplingMatrix& matrix);
+/// From the diagonal and the entries above it.
+CouplingMatrix couplingMatrix(const Matrix6& full);
+/// Each row and column by the root of its factor, so that the diagonal has the factors.
+void scaleRows(CouplingMatrix& matrix, const Vector6& factors);
 
 /// What the coupling's springs and dampers turn with. kHole: nothing, their axes are those of
 /// `hole` and its springs see differences of Euler angles (thesis 6.6, 6.10). kCarrier: the
