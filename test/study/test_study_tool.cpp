@@ -43,6 +43,10 @@ class StudyTool : public testing::Test {
     setenv("OMPI_MCA_plm_rsh_agent", "", 1);
     setenv("OMPI_MCA_btl_vader_single_copy_mechanism", "none", 1);
     setenv("OMPI_MCA_rmaps_base_oversubscribe", "1", 1);
+    // Open MPI 5 (Debian 13): more ranks than cores; a file limit leaves it no shared memory, only
+    // the loopback interface
+    setenv("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe", 1);
+    setenv("OMPI_MCA_btl_tcp_if_include", "lo", 1);
     setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", 1);
     setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", 1);
   }
