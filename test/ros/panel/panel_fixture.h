@@ -49,7 +49,7 @@ struct Screen {
 
   template <class Part>
   Part* find(const char* name) {
-    Part* part = widget.findChild<Part*>(name);
+    auto* part = dynamic_cast<Part*>(widget.findChild<QObject*>(name));
     EXPECT_NE(part, nullptr) << name;
     return part;
   }
