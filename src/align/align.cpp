@@ -7,6 +7,7 @@
 #include "assembly_cell/align/search/carrier_delay.h"
 #include "assembly_cell/align/search/scale.h"
 #include "assembly_cell/align/search/step.h"
+#include "assembly_cell/align/strategies/edge_search.h"
 #include "assembly_cell/align/strategies/strategies.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -19,15 +20,20 @@ using Strategy = AlignResult (*)(Plant&, const Mechanism&, const AlignParameters
 struct NamedStrategy {
   const char* name;
   Strategy run;
+  double time_limit;  // default of the default cell [s]
 };
-constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
-                                         {"double_contact", doubleContact},
-                                         {"twin_force", twinForce},
-                                         {"vibratory", vibratory},
-                                         {"touch", touchSearch},
-                                         {"auto", autoSearch},
-                                         {"spiral", spiralSearch},
-                                         {"passive", passiveAssembly}};
+// A vibrated search has four attempts of about a minute; the whole spiral takes three hours in a
+// clearance of 0.02 mm.
+constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact, 300.0},
+                                         {"double_contact", doubleContact, 300.0},
+                                         {"twin_force", twinForce, 60.0},
+                                         {"vibratory", vibratory, 600.0},
+                                         {"touch", touchSearch, 60.0},
+                                         {"auto", autoSearch, 60.0},
+                                         {"spiral", spiralSearch, 12000.0},
+                                         {"passive", passiveAssembly, 60.0}};
+constexpr double kInsertTime = 30.0;   // default limit of an insertion [s]
+constexpr double kInsertSlower = 4.0;  // or so many times what its speed takes
 
 // Error of a measured depth, and of the depth of a hole that its peg fills [m].
 constexpr double kTopMargin = 1e-3;
@@ -118,10 +124,8 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
   const auto way = [&](double speed) {
     return speed * p.arm_delay + speed * speed / (2.0 * mechanism.carrier.max_acceleration);
   };
-  // the arm of ten milliseconds, which follows at once, reacts after 2.5 steps
-  CarrierDelay late;
-  late.measure(p.arm_delay / kStepTime - 1.5);
-  const double full = p.approach_step / kStepTime * late.slowing(), speed = full * scale.step;
+  const double full = p.approach_step / kStepTime * CarrierDelay::ofArm(p.arm_delay).slowing(),
+               speed = full * scale.step;
   const double force = touch + way(speed) / yields, limit = kLargestTouch * p.force_limit;
   const double spare = limit - touch;
   if (force <= limit) return;
@@ -137,6 +141,15 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
            yields * 1e6, speed * 1e3, force, p.arm_delay) +
       text("beyond %g of force_limit, %g N; give it %.3g um/N or more", kLargestTouch, limit,
            1.01e6 * way(full) / spare));
+}
+
+// Time limits where none are given: those of the strategy, in the time scale of the peg.
+void chooseTimeLimits(const NamedStrategy& strategy, const Mechanism& mechanism,
+                      AlignParameters& p) {
+  const double slower = scaleOf(mechanism).time;
+  p.default_time = strategy.time_limit * slower * moreDrops(mechanism);
+  const double depth = p.insert.goal(mechanism.hole.depth);
+  p.default_insert_time = slower * std::max(kInsertTime, kInsertSlower * depth / p.insert.speed);
 }
 
 }  // namespace
@@ -178,7 +191,9 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
   const auto* strategy =
       std::find_if(std::begin(kStrategies), std::end(kStrategies),
                    [&](const NamedStrategy& one) { return parameters.strategy == one.name; });
-  return strategy->run(plant, mechanism, parameters, progress);
+  AlignParameters limited = parameters;
+  chooseTimeLimits(*strategy, mechanism, limited);
+  return strategy->run(plant, mechanism, limited, progress);
 }
 
 }  // namespace assembly_cell

@@ -8,8 +8,9 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kMinForce = 2.0;    // of a contact that is held [N]
-constexpr double kSameDepth = 1e-3;  // of two measurements of one depth [m]
+constexpr double kLongestGoal = 1e5;  // [s]
+constexpr double kMinForce = 2.0;     // of a contact that is held [N]
+constexpr double kSameDepth = 1e-3;   // of two measurements of one depth [m]
 
 void check(bool good, const char* name, double value, const std::string& remedy) {
   if (!good) throw InputError(std::string(name) + text(": value %g: ", value) + remedy);
@@ -25,6 +26,10 @@ void fields(FieldList& f, InsertParameters& p) {
            "assemble: speed of the descent without resistance.");
   f.number("exciter", p.exciter, notNegative("N", 1000),
            "assemble: exciting force during the descent; 0: off.");
+  f.number(
+      "time_limit", p.time_limit, notNegative("s", kLongestGoal),
+      "assemble: longest insertion after the alignment, cell time; 0: 30 s, more for a late arm "
+      "or a deep hole.");
 }
 
 void alignFields(FieldList& f, AlignParameters& p) {
@@ -38,6 +43,9 @@ void alignFields(FieldList& f, AlignParameters& p) {
   f.number("force_limit", p.force_limit, {kMinForce, 1000, "N"},
            "Contact force above which a goal is aborted.")
       .live(Field::Change::kLower);
+  f.number("time_limit", p.time_limit, notNegative("s", kLongestGoal),
+           "Longest alignment, cell time; 0: 60 s, more for shaken strategies, baselines, a small "
+           "peg, one that swings for long or a late arm.");
   f.number("descent_limit", p.descent_limit, positive("m", 1),
            "Longest descent without contact; scaled with the peg.");
   f.number("approach_step", p.approach_step, positive("m", 0.01),

@@ -228,6 +228,8 @@ void alignRun(const Scenario& scenario, const Mechanism& mechanism, const StudyJ
     result.set("tilt_error", (aligned.tilt - trial.true_tilt).norm());
     result.set("offset_sd", std::sqrt(std::max(0.0, aligned.offset_covariance.trace())));
     result.set("tilt_sd", aligned.tilt_sd);
+    result.set("clearance", aligned.clearance.mean);
+    result.set("clearance_sd", aligned.clearance.sd);
   }
   if (!trial.direction_errors.empty()) {
     double sum = 0.0;
@@ -247,9 +249,9 @@ const std::vector<std::string>& outcomeNames(StudyJob::Kind kind) {
       "final_theta", "final_psi",      "peak_force",       "mode_changes", "modes",
       "events",      "impacts",        "evaluations"};
   static const std::vector<std::string> align = {
-      "stopped_at",   "assembled",       "time_to_assemble", "final_offset", "final_tilt",
-      "start_offset", "start_tilt",      "offset_error",     "tilt_error",   "offset_sd",
-      "tilt_sd",      "direction_error", "contacts"};
+      "stopped_at",   "assembled",  "time_to_assemble", "final_offset",    "final_tilt",
+      "start_offset", "start_tilt", "offset_error",     "tilt_error",      "offset_sd",
+      "tilt_sd",      "clearance",  "clearance_sd",     "direction_error", "contacts"};
   return kind == StudyJob::Kind::kAlign ? align : simulate;
 }
 

@@ -283,7 +283,26 @@ const Case kCases[] = {
      [](FaultyPlant& plant) {
        plant.on_block = [&plant](PlantBlock& b) { b.wrench_a = plant.start.wrench_a; };
      }},
-    {AlignFailure::kNotInserted, "twin_force", [](Arrangement& s) { s.parameters.rounds = 1; },
+    {AlignFailure::kNoHoleUnderEdge, "touch",
+     [](Arrangement& s) { s.scenario.mechanism.hole.radius = 1e-3; }, nullptr},
+    {AlignFailure::kNoHoleUnderEdge, "auto",
+     [](Arrangement& s) { s.scenario.mechanism.hole.radius = 1e-3; }, nullptr},
+    {AlignFailure::kNoContact, "auto",
+     [](Arrangement& s) { s.scenario.mechanism.hole.radius = 0.05; }, nullptr},
+    {AlignFailure::kNotSeated, "auto",
+     [](Arrangement& s) {
+       s.scenario.mechanism.hole.depth = 0.005;
+       s.nominal.hole.depth = 0.04;
+       s.parameters.insert.depth = 0.02;
+     },
+     nullptr},
+    {AlignFailure::kTimeLimit, "touch", [](Arrangement& s) { s.parameters.time_limit = 5.0; },
+     nullptr},
+    {AlignFailure::kNotInserted, "twin_force",
+     [](Arrangement& s) {
+       s.parameters.rounds = 1;
+       s.parameters.time_limit = 600.0;  // of all tries
+     },
      [](FaultyPlant& plant) {
        // something lies in the hole
        plant.on_block = [&plant](PlantBlock& b) {

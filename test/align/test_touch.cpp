@@ -314,5 +314,41 @@ TEST(Touch, AlignsInCellsThatAreNotInTheirFiles) {
   }
 }
 
+// The times count from the goal's start and from the insertion's; freeing the peg takes some more.
+TEST(Touch, ATimeLimitEndsAGoalWithWhatIsKnown) {
+  const Scenario cell =
+      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  for (const char* strategy : {"touch", "auto"}) {
+    AlignParameters parameters;
+    parameters.strategy = strategy;
+    parameters.time_limit = 9.0;
+    const AlignTrial trial = tryAlignment(cell, cell.mechanism, CellParameters(), parameters);
+    EXPECT_EQ(trial.result.failure, AlignFailure::kTimeLimit) << trial.result.reason;
+    EXPECT_EQ(trial.result.reason.rfind("time_limit: not done within 9 s, clearance ", 0), 0u)
+        << trial.result.reason;
+    EXPECT_GT(trial.result.time, 9.0);
+    EXPECT_LT(trial.result.time, 12.0);
+    ASSERT_TRUE(trial.result.known);
+    const Vector2d error = trial.result.offset - trial.true_offset;
+    EXPECT_GT(trial.result.offset_covariance.determinant(), 0.0);
+    // 5 deviations in the plane
+    EXPECT_LT(error.dot(trial.result.offset_covariance.inverse() * error), 25.0);
+    EXPECT_GT(trial.X_HP.p.z(), 0.0);
+  }
+}
+
+TEST(Touch, TheInsertionHasATimeLimitOfItsOwn) {
+  const Scenario cell =
+      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  AlignParameters parameters;
+  parameters.insert.depth = 0.04;
+  parameters.insert.time_limit = 1.0;
+  const AlignTrial trial = tryAlignment(cell, cell.mechanism, CellParameters(), parameters);
+  EXPECT_EQ(trial.result.reason.rfind("time_limit: not done within 1 s of insertion, ", 0), 0u)
+      << trial.result.reason;
+  EXPECT_GT(trial.result.insert.profile.size(), 2u);  // of readings a millimetre apart
+  EXPECT_GT(trial.X_HP.p.z(), 0.0);                   // out of the hole
+}
+
 }  // namespace
 }  // namespace assembly_cell

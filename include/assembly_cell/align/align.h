@@ -30,6 +30,8 @@ struct AlignProgress {
   double force = 0.0;        ///< contact force there [N]
   int walls = 0;             ///< bore-wall contacts there, as in BoreReading
   double axial = 0.0;        ///< force there up the peg's axis [N]
+  double clearance = 0.0;    ///< as in AlignResult; sd 0: not known [m]
+  double clearance_sd = 0.0;
 };
 
 /// A measured direction of a contact.

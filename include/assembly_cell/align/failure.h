@@ -20,6 +20,7 @@ enum class AlignFailure {
   kGaveWay,
   kPressNotHeld,
   kStuck,
+  kTimeLimit,
   kZeroShifted,
   // contacts and hole
   kWedged,

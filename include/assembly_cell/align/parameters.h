@@ -19,6 +19,7 @@ struct InsertParameters {
   double force = 12.0;   ///< [N]
   double speed = 0.012;  ///< [m/s]
   double exciter = 0.0;  ///< [N]
+  double time_limit = 0.0;  ///< 0: chosen, see align.cpp [s]
 
   bool wanted() const { return floor || depth > 0.0; }
   /// Depth at which the peg is seated: the goal's, or the hole's. [m]
@@ -30,6 +31,7 @@ struct AlignParameters {
   double press_force = 0.0;        ///< 0: chosen [N]
   double press_tolerance = 0.05;   ///< fraction of press_force
   double force_limit = 40.0;       ///< [N]
+  double time_limit = 0.0;         ///< 0: that of the strategy, see align.cpp [s]
   double descent_limit = 0.02;     ///< [m]
   double approach_step = 1e-4;     ///< in one block [m]
   double arm_delay = 0.0;          ///< from a contact to its reaction; 0: no arm [s]
@@ -65,6 +67,9 @@ struct AlignParameters {
   /// Depth of the bottom edge below the plane at the start, as the previous goal has measured it;
   /// 0: unknown, or not in the hole. [m]
   double inserted = 0.0;
+  /// Time limits where none are given, of a carrier that follows at once; 0: none [s]
+  double default_time = 0.0, default_insert_time = 0.0;
+  double spent = 0.0;  ///< by strategies before this one [s]
 };
 
 std::vector<std::string> strategyNames();

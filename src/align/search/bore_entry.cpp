@@ -158,7 +158,7 @@ bool BoreEntry::isIn() {
 // The axis isn't known: a peg that leans in the bore meets one wall with its edge and the other at
 // the rim, and the middle between them is off by up to half the clearance.
 void BoreEntry::addLean() {
-  const double play = 0.5 * (std::max(0.0, clearance.mean) + clearance.sd);
+  const double play = 0.5 * (std::max(0.0, s_.known.clearance.mean) + s_.known.clearance.sd);
   s_.hole.center_covariance.diagonal().array() += play * play / 3.0;
 }
 
@@ -183,16 +183,17 @@ bool BoreEntry::enter(const Vec3& center, int rings) {
     const int places = ring == 0 ? 1 : 6 * ring;
     for (int i = 0; i < places; ++i) {
       const double a = 2 * M_PI * i / places;
-      const Vec2 shift = kRing * clearance.step() * ring * Vec2(std::cos(a), std::sin(a));
+      const Vec2 shift = kRing * s_.known.clearance.step() * ring * Vec2(std::cos(a), std::sin(a));
       if (lower(target + axes * shift, R) && (!needs_walls || centre(R))) return true;
     }
   }
+  ++refused;
   s_.report("enter", "resistance everywhere, measuring again");
   s_.carrier.moveTo(s_.frame.restFor(target + travel * s_.hole.normal, R));
   return false;
 }
 
-double BoreEntry::reach() const { return (kRing * (kRings - 1) + 1.0) * clearance.step(); }
+double BoreEntry::reach() const { return (kRing * (kRings - 1) + 1.0) * s_.known.clearance.step(); }
 
 // Down from `from`, just over the plane; back up at the first resistance.
 bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
@@ -222,8 +223,9 @@ bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
 bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   // by what a wall bends the coupling where that is more than the clearance
   const double bent = kWallDeflection * s_.scale.give;
-  const double step = std::clamp(std::max(0.25 * clearance.step(), 0.2 * bent), 5e-6, 1e-4) *
-                      s_.carrier.delay.slowing();
+  const double step =
+      std::clamp(std::max(0.25 * s_.known.clearance.step(), 0.2 * bent), 5e-6, 1e-4) *
+      s_.carrier.delay.slowing();
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
   const Vec3 travel = R.transpose() * direction;
   row << travel.transpose(), Vec3(0, 0, -s_.frame.length()).cross(travel).transpose();
@@ -260,7 +262,7 @@ bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
 // limits.
 bool BoreEntry::clearOfWalls(Vec3& target, const Mat3& R) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const double step = kFreeFraction * clearance.step();
+  const double step = kFreeFraction * s_.known.clearance.step();
   const auto place = [this, &R](const Vec3& at) {
     s_.carrier.nudge(s_.frame.restFor(at, R));
     awaitEffect(s_.carrier);
@@ -293,10 +295,10 @@ bool BoreEntry::clearOfWalls(Vec3& target, const Mat3& R) {
       place(target);  // and until it no longer swings
       return true;
     }
-    Vec2 away = back * std::min(1.0, kOffWall * clearance.step() / back.norm());
+    Vec2 away = back * std::min(1.0, kOffWall * s_.known.clearance.step() / back.norm());
     if (follows < kFollows) {
       const Vec2 strain = axes.transpose() * (here - s_.hanging.sag - target);
-      away = strain * (1.0 + kOffWall * clearance.step() / strain.norm());
+      away = strain * (1.0 + kOffWall * s_.known.clearance.step() / strain.norm());
     }
     target += axes * away;
   }
@@ -341,12 +343,12 @@ bool BoreEntry::centre(const Mat3& R) {
     const double give_sd = kGiveSd * kWallDeflection * s_.scale.give;
     const Clearance before = clearance_prior;
     clearance_prior.add(0.5 * distance, std::hypot(kWallSd, give_sd, ends_sd));
-    clearance = clearance_prior;
+    s_.known.clearance = clearance_prior;
     // no wall pushes any more: the peg itself is in the middle
     // (deep in the hole the walls lead, and the depth says where the peg is)
     if (stays && !clearOfWalls(target, R)) {
       // a peg that wedges in the rim meets walls, too: they aren't those of the hole
-      clearance = clearance_prior = before;
+      s_.known.clearance = clearance_prior = before;
       return false;
     }
     const Vec3 center = target + s_.hanging.sag;

@@ -47,8 +47,14 @@ PressLimits pressLimits(const Mechanism& mechanism) {
 
 GuardedCarrier::GuardedCarrier(Plant& plant, const PressLimits& limits)
     : plant_(plant), limits_(limits), sensor_(limits.weight, limits.scale.force) {
+  checks_.begin = std::numeric_limits<double>::infinity();  // until limitTime()
   wait(1);
   target_ = last().carrier;
+}
+
+void GuardedCarrier::limitTime(const TimeLimit& limit) {
+  limits_.time = limit;
+  checks_.begin = last().time - limit.spent;
 }
 
 const PlantBlock& GuardedCarrier::step(const PlantCommand& command, double force_limit) {
@@ -57,15 +63,19 @@ const PlantBlock& GuardedCarrier::step(const PlantCommand& command, double force
   if (exciter_ && !all.exciter) all.exciter = exciter_;
   exciter_.reset();
   // before the tare the peg may still swing
-  const bool guarded = sensor_.isTared() && guarded_;
+  const bool guarded = sensor_.isTared() && checks_.on;
   if (guarded && !all.alarm) {
     all.alarm = sensor_.alarmAt(limit, std::numeric_limits<double>::infinity());
   }
   sensor_.update(plant_.next(all));
   delay.since_command = all.rest ? 0 : delay.since_command + 1;
   delay.to_end = std::max(0, delay.to_end - 1);
-  saturated_ = last().saturated ? saturated_ + 1 : 0;
-  if (guarded && saturated_ > kKnockBlocks) {
+  const double allowed = limits_.time.at(std::min(delay.slowing(), limits_.slowing));
+  if (checks_.on && last().time - checks_.begin > allowed) {
+    throw AlignError(AlignFailure::kTimeLimit, text("not done within %g s", allowed));
+  }
+  checks_.saturated = last().saturated ? checks_.saturated + 1 : 0;
+  if (guarded && checks_.saturated > kKnockBlocks) {
     throw AlignError(AlignFailure::kSensorSaturated,
                      "a channel is at its limit; lower the press force");
   }
@@ -92,7 +102,7 @@ bool GuardedCarrier::settle() {
     if (i == limits_.scale.timed(kMotionBlocks)) return false;
     const Vector6 before = last().wrench_b;
     wait(1);
-    if (saturated_ >= limits_.scale.timed(kFaultyBlocks)) {
+    if (checks_.saturated >= limits_.scale.timed(kFaultyBlocks)) {
       throw AlignError(AlignFailure::kSensorSaturated,
                        "a channel stays at its limit with the peg at rest; look at both sensors, "
                        "their offsets and their noise");

@@ -53,7 +53,7 @@ AlignResult Search::run(const std::function<void()>& find,
   try {
     AlignResult result = findAndLeave(find);
     if (state.found) summarise(result);
-    result.clearance = entry.clearance;
+    result.clearance = state.known.clearance;
     return result;
   } catch (PlantError& error) {
     error.contacts += state.contacts;
@@ -63,9 +63,16 @@ AlignResult Search::run(const std::function<void()>& find,
 
 AlignResult Search::findAndLeave(const std::function<void()>& find) {
   AlignResult result;
+  bool inserting = false;
   try {
+    state.carrier.limitTime(state.carrier.limits().time);
     find();
-    if (state.p.insert.wanted()) insertion.insert();
+    if (state.p.insert.wanted()) {
+      inserting = true;
+      state.carrier.limitTime(
+          TimeLimit::of(state.p.insert.time_limit, state.p.default_insert_time));
+      insertion.insert();
+    }
     result.success = true;
     result.reason = toString(result.failure);
     if (state.found && entry.height_known) {
@@ -74,6 +81,14 @@ AlignResult Search::findAndLeave(const std::function<void()>& find) {
   } catch (const AlignError& error) {
     result.failure = error.failure;
     result.reason = error.what();
+    if (error.failure == AlignFailure::kTimeLimit) {
+      if (inserting) result.reason += " of insertion";
+      result.reason += text(", clearance %.0f +- %.0f um", state.known.clearance.mean * 1e6,
+                            state.known.clearance.sd * 1e6);
+      if (entry.refused > 0) {
+        result.reason += text(", resistance all round the hole %d times", entry.refused);
+      }
+    }
   }
   if (!result.success) {
     try {
@@ -96,6 +111,7 @@ AlignResult Search::findAndLeave(const std::function<void()>& find) {
 // Exciter off, and the peg free.
 void Search::leave() {
   GuardedCarrier& carrier = state.carrier;
+  carrier.limitTime({});
   try {
     if (state.inserted.end.depth > 0.0) insertion.backOut(state.inserted.end.depth);
   } catch (const AlignError&) {

@@ -11,6 +11,8 @@ PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
   PressLimits limits = pressLimits(mechanism);
   limits.force = p.force_limit;
   limits.descent = p.descent_limit * limits.scale.travel;
+  limits.time = TimeLimit::of(p.time_limit, p.default_time, p.spent);
+  limits.slowing = CarrierDelay::ofArm(p.arm_delay).slowing();
   limits.approach_step = p.approach_step * limits.scale.step;
   return limits;
 }
@@ -27,7 +29,9 @@ SearchState::SearchState(Plant& plant, const Mechanism& nominal, const AlignPara
       press(carrier),
       frame(nominal),
       start_time(carrier.last().time),
-      block(carrier.wait(1).time - start_time) {}
+      block(carrier.wait(1).time - start_time) {
+  known.clearance = drawnClearance(nominal);
+}
 
 Vector6 SearchState::deflection() const {
   if (absolute_deflection) return carrier.last().displacement_b;
@@ -51,8 +55,9 @@ int SearchState::blocks(double duration) const {
 
 void SearchState::report(const char* state, const std::string& message) const {
   if (!progress) return;
-  progress({state, contacts, carrier.last().time - start_time, message, sd.position, sd.rotation,
-            inserted.end.depth, inserted.end.force(), inserted.end.walls, inserted.end.along});
+  progress({state, contacts, carrier.last().time - start_time, message, known.position_sd,
+            known.rotation_sd, inserted.end.depth, inserted.end.force(), inserted.end.walls,
+            inserted.end.along, known.clearance.mean, known.clearance.sd});
 }
 
 }  // namespace assembly_cell

@@ -41,8 +41,8 @@ constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg 
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
 // From the start on, for a carrier without delay: 60 starts at 0.3 of 0.02 mm drawn were in after
-// 46 s of all at level 2. [s]
-constexpr double kEntryTime = 75.0;
+// 46 s of all at level 2. Less than the time limit. [s]
+constexpr double kEntryTime = 50.0;
 constexpr double kTightSds = 2.0;  // of the bound on an interference
 constexpr double kSure = 2.5;      // deviations
 // A chamfer of 45 degrees pushes aside by (1 - mu) / (1 + mu) of the force on it, 0.54 at 0.3.
@@ -87,9 +87,14 @@ EdgeSearch::EdgeSearch(Search& search) : search_(search), s_(search.state) {
   model.offset_sd = kOffsetSd * s_.scale.length;
 }
 
+double moreDrops(const Mechanism& mechanism) {
+  const double places = std::pow(kRegion / (kRuledOut * mechanism.peg.radius), 2);
+  return 1.0 + std::floor(places) / kDrops;
+}
+
 void EdgeSearch::enterByWalls() {
-  const double places = std::pow(kRegion / (kRuledOut * s_.mechanism.peg.radius), 2);
-  const int drops = kDrops + static_cast<int>(places);
+  const int drops = static_cast<int>(std::lround(kDrops * moreDrops(s_.mechanism)));
+  bool went_in = false;
   for (int i = 0; i < drops; ++i) {
     if (isFunnelled()) {
       funnelled_ = s_.hole.center;
@@ -101,16 +106,24 @@ void EdgeSearch::enterByWalls() {
       resolve();
       continue;
     }
+    went_in = true;
     const bool met = walls();
     resolve();
-    if (!met || s_.sd.position > kHopeless * std::max(kPlaceSd, search_.entry.reach())) continue;
+    if (!met || s_.known.position_sd > kHopeless * std::max(kPlaceSd, search_.entry.reach()))
+      continue;
     if (search_.entry.enter(s_.hole.center)) return;
     bottom = s_.target().p;
     const double spent = s_.carrier.last().time - s_.start_time;
     if (spent * s_.carrier.delay.slowing() > kEntryTime * s_.scale.time)
-      refuseTooTight(search_.entry.clearance, s_.contacts);
+      refuseTooTight(s_.known.clearance, s_.contacts);
   }
-  refuseTooTight(search_.entry.clearance, s_.contacts);
+  if (!went_in) {
+    throw AlignError(AlignFailure::kNoHoleUnderEdge,
+                     text("the edge was put down in %d places where the hole may be, and each time "
+                          "touched the face",
+                          drops));
+  }
+  refuseTooTight(s_.known.clearance, s_.contacts);
   throw AlignError(AlignFailure::kNotInserted, text("no entry after %d touches", s_.contacts));
 }
 
@@ -215,18 +228,18 @@ void EdgeSearch::resolve() {
   s_.hole.normal_sd = fit.normal_sd;
   s_.hole.center = fit.center;
   s_.hole.center_covariance = fit.center_covariance;
-  search_.entry.clearance = {fit.radius - s_.mechanism.peg.radius, fit.radius_sd};
+  s_.known.clearance = {fit.radius - s_.mechanism.peg.radius, fit.radius_sd};
   search_.entry.place_variance = std::max(fit.place_variance, min_move_sd * min_move_sd);
   s_.found = true;
-  s_.sd.position = std::sqrt(fit.center_covariance.trace());
-  s_.sd.rotation = fit.normal_sd;
-  s_.report(
-      "resolve",
-      text("centre %.3f %.3f mm", holeOffset(s_).x() * 1e3, holeOffset(s_).y() * 1e3) +
-          text(" +- %.3f mm, tilt sd %.3f deg", s_.sd.position * 1e3, s_.sd.rotation * 180 / M_PI) +
-          text(", clearance %.3f +- %.3f mm", search_.entry.clearance.mean * 1e3,
-               search_.entry.clearance.sd * 1e3) +
-          text(", chi2 %.1f of %d", fit.chi2, fit.residuals));
+  s_.known.position_sd = std::sqrt(fit.center_covariance.trace());
+  s_.known.rotation_sd = fit.normal_sd;
+  s_.report("resolve",
+            text("centre %.3f %.3f mm", holeOffset(s_).x() * 1e3, holeOffset(s_).y() * 1e3) +
+                text(" +- %.3f mm, tilt sd %.3f deg", s_.known.position_sd * 1e3,
+                     s_.known.rotation_sd * 180 / M_PI) +
+                text(", clearance %.3f +- %.3f mm", s_.known.clearance.mean * 1e3,
+                     s_.known.clearance.sd * 1e3) +
+                text(", chi2 %.1f of %d", fit.chi2, fit.residuals));
 }
 
 // Whether the hole is known so well that chamfers lead an upright peg into it, and the coupling
@@ -235,7 +248,7 @@ bool EdgeSearch::isFunnelled() const {
   const double width = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width;
   const double yields = kChamferPush * search_.entry.maxForce() * sidewaysCompliance(s_.mechanism);
   const bool elsewhere = !funnelled_ || (s_.hole.center - *funnelled_).norm() > kElsewhere * width;
-  return elsewhere && kSure * s_.sd.position < std::min(width, yields);
+  return elsewhere && kSure * s_.known.position_sd < std::min(width, yields);
 }
 
 // The low edge into the hole. False where it touches instead, which is kept as a reading.

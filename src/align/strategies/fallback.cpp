@@ -51,11 +51,11 @@ bool isFinal(AlignFailure failure) {
          failure == AlignFailure::kNoContact || failure == AlignFailure::kNotStill;
 }
 
-// The peg isn't free, its carrier can't move, or it is larger than the hole.
+// The peg isn't free, its carrier can't move, it is larger than the hole, or the time is up.
 bool isHeld(AlignFailure failure) {
   return failure == AlignFailure::kInContact || failure == AlignFailure::kStuck ||
          failure == AlignFailure::kNotArrived || failure == AlignFailure::kNoContact ||
-         failure == AlignFailure::kTooTight;
+         failure == AlignFailure::kTooTight || failure == AlignFailure::kTimeLimit;
 }
 
 bool isHeldOrFinal(AlignFailure failure) { return isHeld(failure) || isFinal(failure); }
@@ -67,8 +67,19 @@ struct Fallback {
   bool (*is_last)(AlignFailure);  // failures that it doesn't follow
 };
 
-// The first strategy, and where it fails the others in turn, each from the start again. The result
-// is that of the last one, with the contacts and the time of all.
+// An estimate that a later strategy doesn't have.
+void keepEstimate(const AlignResult& earlier, AlignResult& result) {
+  if (result.known || !earlier.known) return;
+  result.known = true;
+  result.offset = earlier.offset;
+  result.offset_covariance = earlier.offset_covariance;
+  result.tilt = earlier.tilt;
+  result.tilt_sd = earlier.tilt_sd;
+  result.clearance = earlier.clearance;
+}
+
+// The first strategy, and where it fails the others in turn, each from the start again, in the time
+// that is left. The result is that of the last one, with the contacts and the time of all.
 AlignResult tryInTurn(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const ProgressCallback& progress, decltype(Fallback::run) first,
                       std::initializer_list<Fallback> others) {
@@ -80,10 +91,18 @@ AlignResult tryInTurn(Plant& plant, const Mechanism& mechanism, const AlignParam
     try {
       if (!goBack(plant, start.carrier)) continue;
       const double before = plant.next({}).time - start.time;
-      AlignResult next = other.run(plant, mechanism, parameters, progress);
+      AlignParameters rest = parameters;
+      rest.spent = before;
+      AlignResult next = other.run(plant, mechanism, rest, progress);
       next.contacts += result.contacts;
       next.time += before;
       next.reference_time = result.reference_time;
+      if (!next.success) keepEstimate(result, next);
+      if (next.failure == AlignFailure::kTimeLimit) {
+        // what the earlier one met is the reason
+        next.failure = result.failure;
+        next.reason = result.reason + "; then " + next.reason;
+      }
       result = next;
     } catch (PlantError& error) {
       error.contacts += result.contacts;

@@ -110,7 +110,7 @@ class Spiral {
     s_.hole.height = fit.height;
     s_.hole.height_sd = fit.height_sd;
     s_.hole.normal_sd = fit.normal_sd;
-    s_.sd.rotation = fit.normal_sd;
+    s_.known.rotation_sd = fit.normal_sd;
     s_.report("level", text("tilt sd %.3f deg", fit.normal_sd * 180 / M_PI));
   }
 

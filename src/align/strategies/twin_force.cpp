@@ -170,10 +170,10 @@ class TwinForce {
       before = known;
       solve();
     }
-    if (s_.sd.position > kLost * s_.scale.length) {
+    if (s_.known.position_sd > kLost * s_.scale.length) {
       throw AlignError(AlignFailure::kTooUncertain,
                        text("centre known to %.1f mm, touches round it need %.1f mm; ",
-                            s_.sd.position * 1e3, kLost * s_.scale.length * 1e3) +
+                            s_.known.position_sd * 1e3, kLost * s_.scale.length * 1e3) +
                            "press harder or use a finer converter");
     }
     // without touches: the error of moves, by the ratio of the residuals to the expected ones
@@ -301,13 +301,13 @@ class TwinForce {
     s_.hole.height_sd = std::sqrt(covariance(2, 2));
     s_.hole.normal_sd = std::sqrt(e.covariance(3, 3) + e.covariance(4, 4));
     s_.found = true;
-    s_.sd.position = std::sqrt(s_.hole.center_covariance.trace());
-    s_.sd.rotation = s_.hole.normal_sd;
+    s_.known.position_sd = std::sqrt(s_.hole.center_covariance.trace());
+    s_.known.rotation_sd = s_.hole.normal_sd;
     const Vec2 offset = -(e.X_HP * X_PQ_start_).p.head<2>();
     s_.report("solve", std::string(toString(solution_.status)) +
                            text(", centre %.3f %.3f mm", offset.x() * 1e3, offset.y() * 1e3) +
-                           text(" +- %.4f mm, tilt sd %.4f deg", s_.sd.position * 1e3,
-                                s_.sd.rotation * 180 / M_PI) +
+                           text(" +- %.4f mm, tilt sd %.4f deg", s_.known.position_sd * 1e3,
+                                s_.known.rotation_sd * 180 / M_PI) +
                            text(", chi2 %.1f of %d", e.chi2, e.dof) +
                            text(", smallest eigenvalue %.3g", e.smallest_eigenvalue));
   }

@@ -36,7 +36,7 @@ constexpr int kHoverBlocks = 3, kHoverSteps = 3;
 // Failures with which another attempt would end, too.
 bool isFinal(AlignFailure failure) {
   return failure == AlignFailure::kTooUncertain || failure == AlignFailure::kNoReading ||
-         failure == AlignFailure::kNoContact;
+         failure == AlignFailure::kNoContact || failure == AlignFailure::kTimeLimit;
 }
 
 }  // namespace
@@ -257,7 +257,7 @@ bool VibratedSearch::level() {
   s_.hole.height = plane.height;
   s_.hole.normal_sd = plane.normal_sd;
   level_ = true;
-  s_.sd.rotation = s_.hole.normal_sd;
+  s_.known.rotation_sd = s_.hole.normal_sd;
   s_.report("level", text("plane from %.0f contacts, tilt sd %.4f deg",
                           static_cast<double>(measured.size()), s_.hole.normal_sd * 180 / M_PI));
   return true;
@@ -286,14 +286,14 @@ void VibratedSearch::resolve() {
   const FitStatus status = fit(kRimReadings);
   if (!status.good()) throw AlignError(status.failure, status.message);
   s_.found = true;
-  s_.sd.position = std::sqrt(s_.hole.center_covariance.trace());
-  s_.sd.rotation = s_.hole.normal_sd;
-  s_.report(
-      "resolve",
-      text("%d contacts on the plane, %d on the rim", s_.hole.plane_readings,
-           s_.hole.rim_readings) +
-          text(", centre %.3f %.3f mm", holeOffset(s_).x() * 1e3, holeOffset(s_).y() * 1e3) +
-          text(" +- %.3f mm, tilt sd %.4f deg", s_.sd.position * 1e3, s_.sd.rotation * 180 / M_PI));
+  s_.known.position_sd = std::sqrt(s_.hole.center_covariance.trace());
+  s_.known.rotation_sd = s_.hole.normal_sd;
+  s_.report("resolve",
+            text("%d contacts on the plane, %d on the rim", s_.hole.plane_readings,
+                 s_.hole.rim_readings) +
+                text(", centre %.3f %.3f mm", holeOffset(s_).x() * 1e3, holeOffset(s_).y() * 1e3) +
+                text(" +- %.3f mm, tilt sd %.4f deg", s_.known.position_sd * 1e3,
+                     s_.known.rotation_sd * 180 / M_PI));
 }
 
 void VibratedSearch::takeEntry() {

@@ -323,7 +323,8 @@ template <class Feedback>
 MessageCheck feedback(const Feedback& m) {
   MessageCheck check = header(m.header);
   check.name("status.goal_id.id", m.status.goal_id.id).name("feedback.state", m.feedback.state);
-  const double numbers[] = {m.feedback.time, m.feedback.position_sd, m.feedback.rotation_sd};
+  const double numbers[] = {m.feedback.time, m.feedback.position_sd, m.feedback.rotation_sd,
+                            m.feedback.clearance, m.feedback.clearance_sd};
   return check.numbers("feedback", numbers, std::size(numbers), kFiniteField);
 }
 

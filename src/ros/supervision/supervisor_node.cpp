@@ -44,6 +44,8 @@ Feedback feedbackOf(const AlignProgress& now) {
   feedback.message = now.message;
   feedback.position_sd = finite(now.position_sd);
   feedback.rotation_sd = finite(now.rotation_sd);
+  feedback.clearance = finite(now.clearance);
+  feedback.clearance_sd = finite(now.clearance_sd);
   ROS_INFO_NAMED("align", "%s: %s", now.state.c_str(), now.message.c_str());
   return feedback;
 }

@@ -188,7 +188,9 @@ TEST_F(TwinForceCell, ReportsTheEstimateOfTheNode) {
   // each solution in the strategy's messages is that of the node, to the last bit
   std::vector<double> reported;
   for (const auto& f : cell_->feedback.all()) {
-    if (f->feedback.state == "solve") reported.push_back(f->feedback.position_sd);
+    if (f->feedback.state != "solve") continue;
+    reported.push_back(f->feedback.position_sd);
+    EXPECT_GT(f->feedback.clearance_sd, 0.0);
   }
   std::vector<double> known;
   for (const auto& state : states) {

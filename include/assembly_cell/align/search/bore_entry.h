@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include "assembly_cell/align/estimation/clearance.h"
 #include "assembly_cell/align/search/bore_insertion.h"
 
 namespace assembly_cell {
@@ -14,10 +13,7 @@ class Retreat;
 class BoreEntry {
  public:
   BoreEntry(SearchState& state, BoreInsertion& insertion)
-      : clearance_prior(drawnClearance(state.mechanism)),
-        clearance(clearance_prior),
-        s_(state),
-        insertion_(insertion) {}
+      : clearance_prior(state.known.clearance), s_(state), insertion_(insertion) {}
 
   /// Rings of places round the hole's estimate that enter() tries, the centre itself counted.
   static constexpr int kRings = 3;
@@ -50,8 +46,9 @@ class BoreEntry {
   bool height_known = true;
   /// Of where moves end, per axis, as far as it is known [m²]
   double place_variance = 0.0;
-  Clearance clearance_prior;  ///< drawn, and measured between opposite walls
-  Clearance clearance;        ///< that, and by touches
+  /// By the drawing and between opposite walls: what touches are fitted with.
+  Clearance clearance_prior;
+  int refused = 0;  ///< entries that met resistance everywhere
 
  private:
   bool hasWallBeside(bool at_rest);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "assembly_cell/align/search/step.h"
+
 namespace assembly_cell {
 
 /// How late a carrier follows its commands, as an arm does behind its controller and network: in
@@ -21,6 +23,12 @@ struct CarrierDelay {
   /// Factor of the speed before a contact and of the gains in contact: a late carrier then goes as
   /// far after a contact as one that follows at once, for which it is 1.
   double slowing() const { return (kPrompt + 1.0) / (steps + 1.0); }
+  /// That of an arm which reacts so long after a contact [s]; at 2.5 steps it follows at once.
+  static CarrierDelay ofArm(double reaction) {
+    CarrierDelay late;
+    late.measure(reaction / kStepTime - 1.5);
+    return late;
+  }
   /// Takes steps that the carrier is behind in a descent; more than kMost are those of a carrier
   /// that is too slow.
   void measure(double behind) {

@@ -13,6 +13,22 @@
 
 namespace assembly_cell {
 
+/// Time that a search may take.
+struct TimeLimit {
+  double seconds = std::numeric_limits<double>::infinity();
+  bool for_prompt = false;  ///< a carrier that is late has more, by CarrierDelay::slowing()
+  double spent = 0.0;       ///< of it, before [s]
+
+  /// `given`, or where it is 0 `otherwise` for a prompt carrier, or where that is 0, too, none. [s]
+  static TimeLimit of(double given, double otherwise, double spent = 0.0) {
+    if (given > 0.0) return {given, false, spent};
+    if (otherwise > 0.0) return {otherwise, true, spent};
+    return {};
+  }
+  /// Seconds of a carrier with this CarrierDelay::slowing().
+  double at(double slowing) const { return for_prompt ? seconds / slowing : seconds; }
+};
+
 /// Limits of whatever moves the carrier.
 struct PressLimits {
   double force = 40.0;          ///< abort above this contact force [N]
@@ -21,6 +37,8 @@ struct PressLimits {
   double compliance = 5e-4;     ///< travel per force while pressing: more is no contact [m/N]
   Scale scale;                  ///< of the mechanism
   PegWeight weight;             ///< see ContactSensor
+  TimeLimit time;
+  double slowing = 1.0;  ///< of an arm whose delay is given, see CarrierDelay
 };
 
 /// The limits for a mechanism: default ones with its steps, compliance, scale and weight.
@@ -52,15 +70,17 @@ class GuardedCarrier {
   GuardedCarrier(Plant& plant, const PressLimits& limits);
 
   /// One block with a command. Throws AlignError `force_limit`, with the carrier held, or
-  /// `sensor_saturated` once there is a tare, PlantError when the plant fails. `force_limit`: below
-  /// that of the limits [N].
+  /// `sensor_saturated` once there is a tare, `time_limit`, PlantError when the plant fails.
+  /// `force_limit`: below that of the limits [N].
   const PlantBlock& step(const PlantCommand& command,
                          double force_limit = std::numeric_limits<double>::infinity());
   const PlantBlock& wait(int blocks);
   /// The exciter goes out with the next step, unless that command sets it.
   void exciterNext(const ExciterParameters& exciter) { exciter_ = exciter; }
-  /// Whether step() checks force and saturation; true at first.
-  void setGuarded(bool guarded) { guarded_ = guarded; }
+  /// Whether step() checks force, saturation and time; true at first.
+  void setGuarded(bool guarded) { checks_.on = guarded; }
+  /// Counts from the last block.
+  void limitTime(const TimeLimit& limit);
 
   const PlantBlock& last() const { return sensor_.last(); }
   const ContactSensor& sensor() const { return sensor_; }
@@ -93,8 +113,11 @@ class GuardedCarrier {
   std::optional<ExciterParameters> exciter_;  // of the next step
   RestPose target_;
   ReportNoiseMeter meter_;  // of the blocks of all tares
-  bool guarded_ = true;
-  int saturated_ = 0;  // blocks in a row
+  struct {
+    bool on = true;
+    double begin = 0.0;  // of limits_.time, plant clock [s]
+    int saturated = 0;   // blocks in a row
+  } checks_;             // of each step
 };
 
 /// Waits until the last command has had an effect on a carrier that answers late. False: it has.

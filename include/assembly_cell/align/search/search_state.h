@@ -55,10 +55,11 @@ struct SearchState {
   int contacts = 0;   ///< readings taken
   HoleEstimate hole;  ///< in S
   bool found = false;
-  /// Of the hole, for the progress; 0: not known.
+  /// Of the hole, as the progress reports it; an sd of 0: not known.
   struct {
-    double position = 0.0, rotation = 0.0;  // [m], [rad]
-  } sd;
+    double position_sd = 0.0, rotation_sd = 0.0;  // [m], [rad]
+    Clearance clearance;                          // by the drawing, bore walls and touches
+  } known;
   InsertResult inserted;
 };
 

@@ -57,6 +57,10 @@ class EdgeSearch {
   std::optional<Eigen::Vector3d> funnelled_;          // hole's centre when the chamfer was to lead
 };
 
+/// Tries to put the edge into a hole somewhere in the region of starts, over those of the default
+/// cell: more for a small peg.
+double moreDrops(const Mechanism& mechanism);
+
 /// Axes of a peg tilted against the normal, its low side at azimuth a [rad].
 Eigen::Matrix3d tiltedTo(const Eigen::Vector3d& normal, double a, double tilt);
 
