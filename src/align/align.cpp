@@ -32,8 +32,7 @@ constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact, 300.0
                                          {"auto", autoSearch, 60.0},
                                          {"spiral", spiralSearch, 12000.0},
                                          {"passive", passiveAssembly, 60.0}};
-constexpr double kInsertTime = 30.0;   // default limit of an insertion [s]
-constexpr double kInsertSlower = 4.0;  // or so many times what its speed takes
+constexpr double kInsertTime = 30.0;  // least default limit of an insertion [s]
 
 // Error of a measured depth, and of the depth of a hole that its peg fills [m].
 constexpr double kTopMargin = 1e-3;
@@ -143,13 +142,13 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
            1.01e6 * way(full) / spare));
 }
 
-// Time limits where none are given: those of the strategy, in the time scale of the peg.
+// Time limits where none are given: those of the strategy, in the time scale of the peg and with
+// its longer moves.
 void chooseTimeLimits(const NamedStrategy& strategy, const Mechanism& mechanism,
                       AlignParameters& p) {
-  const double slower = scaleOf(mechanism).time;
-  p.default_time = strategy.time_limit * slower * moreDrops(mechanism);
-  const double depth = p.insert.goal(mechanism.hole.depth);
-  p.default_insert_time = slower * std::max(kInsertTime, kInsertSlower * depth / p.insert.speed);
+  const Scale scale = scaleOf(mechanism);
+  p.default_time = strategy.time_limit * scale.time * scale.travel * moreDrops(mechanism);
+  p.default_insert_time = kInsertTime * scale.time;
 }
 
 }  // namespace

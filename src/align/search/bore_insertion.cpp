@@ -20,6 +20,7 @@ constexpr double kPullOfLimit = 0.6;  // of the force limit, on the path up
 constexpr double kPullFraction = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;      // between a motion up and the next one down [s]
 constexpr double kOut = 2e-3;           // above the face is out of the hole [m]
+constexpr double kSlower = 4.0;         // default time limit over the time without resistance
 constexpr int kBackOuts = 6;            // before the insertion is jammed
 constexpr double kProfileStep = 1e-3;   // [m]
 // Samples of the curve: 82 s of an insertion, whose descent of 40 mm takes 5 s. A longer one has
@@ -149,23 +150,37 @@ void BoreInsertion::backOut(double travel) {
   for (int i = 0; i < blocksToFollow(kRelaxTime); ++i) move(0.0);
 }
 
-// Down until the depth is reached, the peg is stuck or a force resists where the floor may be.
-BoreInsertion::End BoreInsertion::lower() {
+// slow: CarrierDelay::slowing(), 1 for a prompt carrier
+BoreInsertion::Descent BoreInsertion::descent(double slow) const {
   const InsertParameters& p = s_.p.insert;
-  const double stiffness = s_.mechanism.coupling.stiffness.diagonal(0);
   // against a floor no more in one block than the force that stops the peg
-  const double slow = s_.carrier.delay.slowing();
-  const double step = std::min(p.speed * s_.block, slow * p.force / stiffness);
+  const double step =
+      std::min(p.speed * s_.block, slow * p.force / s_.mechanism.coupling.stiffness.diagonal(0));
   const double careful =
       std::min(step, slow * kFloorStep * s_.scale.force * pressCompliance(s_.mechanism));
   const double near = s_.mechanism.hole.depth - kNear * s_.scale.travel;
+  return {step, p.floor ? careful : step, near};
+}
+
+double BoreInsertion::defaultTime() const {
+  const Descent down = descent(1.0);
+  const double goal = s_.p.insert.goal(s_.mechanism.hole.depth);
+  const double far = std::clamp(down.near, 0.0, goal);
+  const double blocks = far / down.step + (goal - far) / down.careful;
+  return std::max(s_.p.default_insert_time, kSlower * blocks * s_.block);
+}
+
+// Down until the depth is reached, the peg is stuck or a force resists where the floor may be.
+BoreInsertion::End BoreInsertion::lower() {
+  const InsertParameters& p = s_.p.insert;
+  const Descent down = descent(s_.carrier.delay.slowing());
   const int patience = blocksToFollow(kStuckTime);
   if (!p.floor && s_.inserted.end.depth >= p.depth) return End::kDeep;  // from the start
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
     const double fraction = std::clamp(1.0 - opposing(1.0) / p.force, -0.5, 1.0);
     const BoreReading measured =
-        move((p.floor && s_.inserted.end.depth > near ? careful : step) * fraction);
+        move((s_.inserted.end.depth > down.near ? down.careful : down.step) * fraction);
     if (measured.depth > deepest + kProgress) {
       deepest = measured.depth;
       waited = 0;

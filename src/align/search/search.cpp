@@ -69,8 +69,7 @@ AlignResult Search::findAndLeave(const std::function<void()>& find) {
     find();
     if (state.p.insert.wanted()) {
       inserting = true;
-      state.carrier.limitTime(
-          TimeLimit::of(state.p.insert.time_limit, state.p.default_insert_time));
+      state.carrier.limitTime(TimeLimit::of(state.p.insert.time_limit, insertion.defaultTime()));
       insertion.insert();
     }
     result.success = true;

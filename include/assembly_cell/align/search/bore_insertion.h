@@ -18,6 +18,9 @@ class BoreInsertion {
   /// From the edge in the hole to the depth or the floor, into SearchState::inserted. Throws
   /// AlignError `jammed`, `not_seated`.
   void insert();
+  /// Its time limit where none is given: AlignParameters::default_insert_time, or four times what
+  /// the way takes without resistance [s].
+  double defaultTime() const;
   /// The peg is upright in the bore at depth AlignParameters::inserted, hanging free of load.
   void startInBore();
   /// Up by `travel` [m], or as far as a bounded pull takes the peg, then until the walls relax.
@@ -29,6 +32,11 @@ class BoreInsertion {
 
  private:
   enum class End { kDeep, kStuck, kResisted };
+  struct Descent {
+    double step, careful;  // in a block, and where the floor may be [m]
+    double near;           // depth from which on it may be [m]
+  };
+  Descent descent(double slow) const;
   End lower();
   double opposing(double direction) const;
   BoreReading move(double down);
