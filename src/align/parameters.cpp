@@ -45,7 +45,7 @@ void alignFields(FieldList& f, AlignParameters& p) {
       .live(Field::Change::kLower);
   f.number("time_limit", p.time_limit, notNegative("s", kLongestGoal),
            "Longest alignment, cell time; 0: 60 s, more for shaken strategies, baselines, a small "
-           "peg, one that swings for long or a late arm.");
+           "or large peg, one that swings for long or a late arm.");
   f.number("descent_limit", p.descent_limit, positive("m", 1),
            "Longest descent without contact; scaled with the peg.");
   f.number("approach_step", p.approach_step, positive("m", 0.01),
