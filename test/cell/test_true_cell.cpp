@@ -456,7 +456,7 @@ TEST(TrueCarrier, BacklashIsUnseenByItsEncoders) {
   }
 }
 
-// A stop acts at once; what was under way to the drive is dropped.
+// A stop takes effect without latency; commands still in the queue are discarded.
 TEST(TrueCarrier, AStopDropsLateCommands) {
   const Scenario nominal = hanging();
   SimulatedCell cell = made(truthOf("carrier: {latency: 0.1}", nominal));
