@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <random>
 #include <set>
 #include <string>
@@ -162,8 +163,13 @@ const Case kCases[] = {
      nullptr},
     {AlignFailure::kPressNotHeld, "twin_force", nullptr,
      [](FaultyPlant& plant) {
-       plant.on_block = [&plant](PlantBlock& b) {
-         if (plant.force.z() > 8.0) b.wrench_b(2) += plant.blocks % 8 < 4 ? 2.5 : -2.5;
+       // each move under load shifts the reading, to and fro: no correction arrives
+       auto shift = std::make_shared<double>(2.5);
+       plant.on_command = [&plant, shift](PlantCommand& c) {
+         if (c.rest && plant.force.z() > 8.0) *shift = -*shift;
+       };
+       plant.on_block = [&plant, shift](PlantBlock& b) {
+         if (plant.force.z() > 8.0) b.wrench_b(2) += *shift;
        };
      }},
     {AlignFailure::kStuck, "twin_force", nullptr,

@@ -94,6 +94,21 @@ void goBack(GuardedCarrier& carrier, const RestPose& hung, const Mechanism& mech
   tareFreePeg(carrier, mechanism);
 }
 
+// The rest of the way up to z, a step a block: an edge that meets the bore once more meets it
+// slowly, and is pulled from there.
+RestPose climb(GuardedCarrier& carrier, RestPose up, double z) {
+  const double step = pullStep(carrier.limits());
+  while (up.z < z) {
+    if (carrier.sensor().heldForce() > carrier.sensor().touchForce()) {
+      up = pullUp(carrier, up, step, z - up.z);
+    } else {
+      up.z = std::min(up.z + step, z);
+      carrier.nudge(up);
+    }
+  }
+  return up;
+}
+
 }  // namespace
 
 void tareFreePeg(GuardedCarrier& carrier, const Mechanism& mechanism) {
@@ -189,9 +204,7 @@ void retreatUp(GuardedCarrier& carrier, const RestPose& relaxed, const RestPose&
   // a soft coupling hardly pulls over so short a travel: on until the peg is free or held by the
   // limit
   const double end = std::max(travel, kPullTravel);
-  RestPose up = pullUp(carrier, from, kPullTravel, end);
-  up.z = std::max(up.z, from.z + end);
-  carrier.moveTo(up);
+  carrier.moveTo(climb(carrier, pullUp(carrier, from, kPullTravel, end), from.z + end));
   if (!carrier.settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   carrier.setGuarded(true);
   const ContactSensor& sensor = carrier.sensor();
