@@ -161,6 +161,15 @@ void holdExpired(ArmGuard& arm, const std::string& owner, double now) {
   hold(arm, ArmReason::kExpired, expiry);
 }
 
+// From where the arm is to where it stops: points already sent can't be recalled.
+Vector6 wayToStop(const ArmGuard& arm) {
+  const auto points = static_cast<std::size_t>(std::lround(arm.limits.delay / arm.motion.period));
+  const std::size_t count = arm.sent.size();
+  if (points >= count) return stopWay(arm.motion) + motionRate(arm.motion) * arm.limits.delay;
+  const Vector6& reached = arm.sent[(arm.sent_next + count - 1 - points) % count];
+  return stopWay(arm.motion) + arm.motion.out - reached;
+}
+
 // Compares with all points within the following time, so the arm's latency is no error.
 void watchFollowing(ArmGuard& arm) {
   const double points = arm.limits.following_time / arm.motion.period;
@@ -248,8 +257,7 @@ void addSamples(ArmGuard& arm, const ContactSamples& samples) {
   const Load detectable = detectionThreshold(arm.limits.guard);
   Vector6 way = Vector6::Zero();
   if (sensor == 1) {
-    // points already sent can't be recalled
-    way = stopWay(arm.motion) + motionRate(arm.motion) * arm.limits.delay;
+    way = wayToStop(arm);
   }
   Vector6 known = arm.wrench[sensor];
   for (std::size_t i = 0; i < samples.count; ++i) {

@@ -68,7 +68,8 @@ double distanceTo(const Eigen::Vector3d& load, const Eigen::Vector3d& growth, do
   const double along = load.dot(growth);
   const double margin = std::max(0.0, limit * limit - load.squaredNorm());
   const double root = std::sqrt(along * along + steepness * margin);
-  if (along <= 0.0) return (root - along) / steepness;
+  // what opposes the growth may be gone before: the edge leaves one wall and meets the other
+  if (along <= 0.0) return root / steepness;
   return margin / (root + along);
 }
 

@@ -260,6 +260,28 @@ TEST(ArmGuard, StopsBeforeTheForceIsTooMuch) {
   cell.expectHeld(ArmReason::kForce);
 }
 
+// An arm that is late still goes to the points that were sent before, and no farther.
+TEST(ArmGuard, CountsThePointsThatAreOnTheirWay) {
+  ArmLimits limits = noLimits();
+  limits.guard.force = 60.0;
+  limits.delay = 0.25;
+  Cell cell(limits, 5e4);
+  // a short move: 25 N more at most. At its speed a delay of 0.25 s would add 56 N
+  EXPECT_TRUE(cell.go(at(5e-4, 0, 0)).good());
+  while (motionRate(cell.arm.motion)(0) < 4.5e-3 && cell.now < 11.0) cell.run(kBlock);
+  cell.wrench_b(0) = -10.0;
+  cell.block();
+  EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << cell.arm.text;
+  cell.wrench_b(0) = 0.0;
+  cell.run(1.0);
+  // the last point is sent, the arm is on its way for 0.25 s: 1 mm, 50 N
+  EXPECT_TRUE(cell.go(at(3e-3, 0, 0)).good());
+  while (!isAtRest(cell.arm.motion)) cell.run(kBlock);
+  cell.wrench_b(0) = -40.0;
+  cell.block();
+  cell.expectHeld(ArmReason::kForce);
+}
+
 TEST(ArmGuard, FollowingError) {
   ArmLimits limits = noLimits();
   limits.following = 0.003;
