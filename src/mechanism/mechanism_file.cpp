@@ -156,6 +156,7 @@ static void radiusFields(FieldList& f, double& radius, RadiusTolerance& toleranc
   if (tolerance == kNoTolerance) field.independent();
   f.numbers("radius_tolerance", tolerance.data(), 2, kSize,
             "Smallest and largest radius by the drawing [m]: what is known of the clearance.")
+      .row("the smallest and the largest radius")
       .derived("none")
       .written(tolerance != kNoTolerance);
 }

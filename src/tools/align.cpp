@@ -551,7 +551,11 @@ int run(const std::vector<std::string>& arguments) {
   if (!o.mechanism.empty()) task.known = knownMechanism(o);
   if (!o.mismatch.empty()) {
     task.mismatch = assembly_cell::loadMismatch(o.mismatch);
-    if (!o.arm.empty()) assembly_cell::refuseCarrierDrive(*task.mismatch);
+    if (!o.arm.empty()) {
+      assembly_cell::refuseCarrierDrive(*task.mismatch);
+      const std::string unused = unusedWithArm(*task.mismatch);
+      if (!unused.empty()) std::cerr << "align: note: " << unused << "\n";
+    }
     // a draw that can't be is refused before the first run
     Truth unused;
     for (long i = 0; i < o.runs; ++i) {
