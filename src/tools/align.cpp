@@ -535,9 +535,11 @@ int run(const std::vector<std::string>& arguments) {
   setParameters(o);
   if (!o.arm.empty()) {
     o.cell.arm = std::make_shared<assembly_cell::ArmSetup>(assembly_cell::loadArmSetup(o.arm));
-    if (o.align.arm_delay == 0.0) o.align.arm_delay = o.cell.arm->bridge.limits.delay;
   }
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
+  if (o.cell.arm && o.align.arm_delay == 0.0 && task.scenario.mechanism.arm.delay == 0.0) {
+    o.align.arm_delay = o.cell.arm->bridge.limits.delay;
+  }
   assembly_cell::checkParameters(o.align);
   try {
     assembly_cell::checkGoal(task.scenario.mechanism, o.align, o.cell.sensors);
