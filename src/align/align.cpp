@@ -104,6 +104,13 @@ void checkDepth(const Mechanism& mechanism, double insertion_depth) {
 // 1.07 of it; the others were held by the arm's guard, or ended with force_limit.
 constexpr double kLargestTouch = 0.45;
 
+// The arm's delay as identified, where none is given.
+AlignParameters withArm(const Mechanism& mechanism, const AlignParameters& parameters) {
+  AlignParameters p = parameters;
+  if (p.arm_delay == 0.0) p.arm_delay = mechanism.arm.delay;
+  return p;
+}
+
 // Refuses a mount that is too stiff for an arm, before anything moves: the ends of its moves push
 // with more than a light touch, or a first touch goes too far before it reacts. A touch of force F
 // at speed v reaches F + K v T + K v²/(2 a); an arm that is late moves slower, see CarrierDelay.
@@ -119,7 +126,9 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
         text("a touch of %.2g N; give it %.3g um/N or more", kMaxTouchForce, least * 1e6));
   }
   const Scale scale = scaleOf(mechanism);
-  const double yields = pressCompliance(mechanism), touch = kTouchForce * scale.force;
+  const double identified = mechanism.arm.stiffness;
+  const double yields = identified > 0.0 ? 1.0 / identified : pressCompliance(mechanism),
+               touch = kTouchForce * scale.force;
   const auto way = [&](double speed) {
     return speed * p.arm_delay + speed * speed / (2.0 * mechanism.carrier.max_acceleration);
   };
@@ -179,7 +188,7 @@ void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters, Se
     throw InputError("insert.depth: " + text("%g m", parameters.insert.depth) +
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
-  checkMount(mechanism, parameters);
+  checkMount(mechanism, withArm(mechanism, parameters));
   checkTop(mechanism, parameters.insert);
   checkDepth(mechanism, parameters.insertion_depth);
 }
@@ -190,7 +199,7 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
   const auto* strategy =
       std::find_if(std::begin(kStrategies), std::end(kStrategies),
                    [&](const NamedStrategy& one) { return parameters.strategy == one.name; });
-  AlignParameters limited = parameters;
+  AlignParameters limited = withArm(mechanism, parameters);
   chooseTimeLimits(*strategy, mechanism, limited);
   return strategy->run(plant, mechanism, limited, progress);
 }

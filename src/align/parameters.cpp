@@ -53,7 +53,7 @@ void alignFields(FieldList& f, AlignParameters& p) {
   f.number(
       "arm_delay", p.arm_delay, {0.0, 1.0, "s"},
       "Time from a contact to the arm's reaction: a mount that is too stiff for it is refused; "
-      "0: no arm.");
+      "0: arm.delay of the scenario, or no arm.");
   f.number("exciter_amplitude", p.exciter_amplitude, notNegative("N", 1000),
            "Amplitude of the exciting force; 0: as much as friction holds at the press force.");
   f.number("exciter_frequency", p.exciter_frequency, notNegative("rad/s", 1e5),

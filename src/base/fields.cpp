@@ -71,6 +71,11 @@ Field& Field::requiredUnless(const char* other) {
   return required();
 }
 
+Field& Field::row(const char* of) {
+  entries = of;
+  return *this;
+}
+
 Field& Field::independent() {
   is_independent = true;
   return *this;

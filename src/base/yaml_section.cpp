@@ -186,8 +186,10 @@ std::vector<double> Section::numbers(const std::string& key, std::size_t count) 
   return values;
 }
 
-void Section::readNumbers(const std::string& key, const Range& range, int count, double* values) {
-  const std::string size = "give a list of " + std::to_string(count) + " numbers";
+void Section::readNumbers(const std::string& key, const Range& range, int count, double* values,
+                          const char* of) {
+  const std::string size = "give a list of " + std::to_string(count) + " numbers" +
+                           (of != nullptr ? std::string(", ") + of : "");
   const YAML::Node node = required(key, size);
   if (!node.IsSequence() || node.size() != static_cast<std::size_t>(count)) {
     refuseKey(key, shown(node), size,
@@ -264,7 +266,7 @@ void Section::readField(const Field& field) {
       *field.numbers = number(name, field.range);
       return;
     case Field::Kind::kNumbers:
-      readNumbers(name, field.range, static_cast<int>(field.count), field.numbers);
+      readNumbers(name, field.range, static_cast<int>(field.count), field.numbers, field.entries);
       return;
     case Field::Kind::kInteger:
       field.set(integer(name, static_cast<std::int64_t>(field.range.low),

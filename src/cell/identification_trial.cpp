@@ -2,9 +2,11 @@
 #include "assembly_cell/cell/identification_trial.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
+#include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/contact_model.h"
 
@@ -13,6 +15,45 @@ namespace {
 
 constexpr int kDirections = 12;
 constexpr double kTilt = 0.052, kPress = 15.0;  // as the strategies read [rad], [N]
+
+constexpr int kRamps = 6;            // to and fro, of the chirp's amplitude
+constexpr double kEnds = 0.3;        // of each, at either end, that are left out
+constexpr double kTransient = 0.15;  // of a prompt carrier after a turn [s]
+constexpr double kLags = 4.0;        // of the drive, that it is longer by
+
+// The same cell without noise: in ramps to and fro the force differs by what it lags behind.
+ArmResponse trueResponse(const Scenario& truth, const Mechanism& nominal, CellParameters cell,
+                         const ArmPlan& plan) {
+  CarrierTruth& carrier = cell.truth.carrier;
+  cell.noise = 0.0;
+  cell.bits = 24;
+  cell.truth.sensor_a = cell.truth.sensor_b = SensorTruth();
+  carrier.reading_noise.setZero();
+  const double latency = cell.arm ? cell.arm->arm.arm.latency : carrier.latency;
+  SimulatedPlant plant(truth, nominal, cell);
+  const double ramp = (latency + kTransient + kLags * carrier.lag) / kEnds;
+  const auto travel = [&](double time) {
+    return 1.0 - std::abs(std::fmod(time / ramp, 2.0) - 1.0) * 2.0;
+  };
+  const ArmRecording recording = recordArm(plant, nominal, plan, travel, kRamps * ramp);
+  const double speed = 2.0 * recording.reach / ramp;
+  // force = mean + stiffness (command -+ speed delay) + drift
+  Eigen::Matrix4d squares = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d products = Eigen::Vector4d::Zero();
+  for (const ArmSample& sample : recording.samples) {
+    const double t = (sample.time - recording.samples.front().time) / ramp;
+    if (t < 2.0 || std::abs(t - std::floor(t) - 0.5) > 0.5 - kEnds) continue;
+    const double direction = std::fmod(t, 2.0) < 1.0 ? 1.0 : -1.0;
+    const Eigen::Vector4d row(1.0, sample.command, -direction * speed, t - 0.5 * kRamps);
+    squares += row * row.transpose();
+    products += row * sample.force;
+  }
+  const Eigen::Vector4d found = squares.fullPivLu().solve(products);
+  ArmResponse response;
+  response.delay = found(2) / found(1);
+  response.stiffness = 1.0 / (1.0 / found(1) + recording.upright);
+  return response;
+}
 
 }  // namespace
 
@@ -93,6 +134,21 @@ IdentificationTrial tryIdentification(const Scenario& start, const Mechanism& no
   }
   trial.direction_bias = directionBias(trueModel(start), knownFrom(trial.found));
   trial.direction_bias_as_drawn = directionBias(trueModel(start), knownAsDrawn(nominal));
+  return trial;
+}
+
+ArmTrial tryArmIdentification(const Scenario& start, const Mechanism& nominal,
+                              const CellParameters& cell, const ArmPlan& plan) {
+  ArmTrial trial;
+  try {
+    SimulatedPlant plant(start, nominal, cell);
+    trial.found = identifyArm(plant, nominal, plan);
+    trial.truth = trueResponse(start, nominal, cell, plan);
+  } catch (const AlignError& error) {
+    trial.refusal = error.what();
+  } catch (const PlantError& error) {
+    trial.refusal = error.what();
+  }
   return trial;
 }
 

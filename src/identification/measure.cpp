@@ -25,7 +25,6 @@ constexpr double kPressedLow = 0.7, kPressedHigh = 1.6;  // of the operating fre
 constexpr int kHeldOut = 4;                              // every fourth step is left out of the fit
 constexpr double kShake = 1.5;        // of the amplitude, while the contact settles
 constexpr double kReserve = 0.8;      // of the friction that was found
-constexpr double kClear = 4e-3;       // up before a travel aside [m]
 constexpr double kPushStep = 1.5e-4;  // of the push sideways [m]
 constexpr int kPushSteps = 24;
 constexpr int kSlideStart = 4, kSlideBlocks = 12;  // of the push: before the mean, and in all
@@ -54,10 +53,6 @@ std::vector<double> steps(double low, double high, int count) {
 double swayOf(const Mechanism& m) {
   return std::sqrt(0.5 * (m.coupling.stiffness.diagonal[1] + m.coupling.stiffness.diagonal[2]) /
                    m.peg.mass);
-}
-
-Matrix3d leaning(const Vector2d& to, double tilt) {
-  return rotationFromVector({tilt * Vector3d(-to.y(), to.x(), 0.0)});
 }
 
 PressLimits limitsFor(const Mechanism& nominal, const IdentificationPlan& plan) {
@@ -162,19 +157,8 @@ class Campaign {
 
   // Tares the tilted peg beside the hole, its low side outward, then presses it on the face.
   void touch(const Vector2d& outward) {
-    const Matrix3d R = R_touch_ = X_start_.R * leaning(outward, plan_.tilt);
-    const double length = nominal_.peg.half_height + nominal_.peg.coupling_height;
-    Pose above{R, X_start_.p};
-    // the bottom swings inward when the peg leans outward
-    const Vector3d axis = X_start_.R.transpose() * R.col(2);
-    above.p += X_start_.R * (plan_.beside * Vector3d(outward.x(), outward.y(), 0.0) +
-                             length * Vector3d(axis.x(), axis.y(), 0.0));
-    above.p.z() = std::max(above.p.z(), carrier_.target().z) + kClear;
-    RestPose up = carrier_.target();
-    up.z = above.p.z();
-    carrier_.moveTo(up);
-    goTo(above);
-    carrier_.tare(blocksIn(plan_.window));
+    R_touch_ = tareBeside(carrier_, nominal_, X_start_,
+                          {outward, plan_.beside, plan_.tilt, blocksIn(plan_.window)});
     zero_taken_ = now() - 0.5 * plan_.window;
     press_.approach(-1e9);
     press_.hold(plan_.press, 0.05);
@@ -336,6 +320,25 @@ IdentificationPlan planFor(const Mechanism& nominal) {
   const double contact = operatingFrequency(nominal, plan.press);
   plan.pressed = steps(kPressedLow * contact, kPressedHigh * contact, kPressedSteps);
   return plan;
+}
+
+Matrix3d tareBeside(GuardedCarrier& carrier, const Mechanism& mechanism, const Pose& start,
+                    const PlaceBeside& place) {
+  const Vector2d& to = place.outward;
+  const Matrix3d R = start.R * rotationFromVector({place.tilt * Vector3d(-to.y(), to.x(), 0.0)});
+  const double length = mechanism.peg.half_height + mechanism.peg.coupling_height;
+  Pose above{R, start.p};
+  // the bottom swings inward when the peg leans outward
+  const Vector3d axis = start.R.transpose() * R.col(2);
+  above.p += start.R * (place.beside * Vector3d(to.x(), to.y(), 0.0) +
+                        length * Vector3d(axis.x(), axis.y(), 0.0));
+  above.p.z() = std::max(above.p.z(), carrier.target().z) + kClearFace;
+  RestPose up = carrier.target();
+  up.z = above.p.z();
+  carrier.moveTo(up);
+  carrier.moveTo(restFromPose(above));
+  carrier.tare(place.blocks);
+  return R;
 }
 
 VibrationReading readVibration(GuardedCarrier& carrier, const ExciterParameters& exciter,

@@ -156,6 +156,7 @@ static void radiusFields(FieldList& f, double& radius, RadiusTolerance& toleranc
   if (tolerance == kNoTolerance) field.independent();
   f.numbers("radius_tolerance", tolerance.data(), 2, kSize,
             "Smallest and largest radius by the drawing [m]: what is known of the clearance.")
+      .row("the smallest and the largest radius")
       .derived("none")
       .written(tolerance != kNoTolerance);
 }
@@ -326,6 +327,16 @@ static void fields(FieldList& f, FrictionParameters& p) {
       .required();
 }
 
+static void fields(FieldList& f, ArmResponse& p) {
+  f.number("delay", p.delay, notNegative("s", 0.5),
+           "From a command of the arm to its effect in the force; 0: not known.");
+  f.number("delay_sd", p.delay_sd, notNegative("s", 0.5),
+           "Its standard deviation; 0: goals don't check the delay.");
+  f.number("stiffness", p.stiffness, notNegative("N/m"),
+           "Of arm, mount and contact in series, at the peg's edge; 0: that of the coupling.");
+  f.number("stiffness_sd", p.stiffness_sd, notNegative("N/m"), "Its standard deviation.");
+}
+
 void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario) {
   f.number("gravity", m.gravity, notNegative("m/s2"),
            "Along -z of the hole, or a vector in the hole for a cell that isn't upright.")
@@ -338,6 +349,8 @@ void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario) {
   f.group("coupling", [&](FieldList& g) { fields(g, m.coupling, rest, in_scenario); }).required();
   f.section("exciter", m.exciter).flow();
   f.section("friction", m.friction).required().flow();
+  const ArmResponse& arm = m.arm;
+  f.section("arm", m.arm).flow().written(arm.delay > 0.0 || arm.stiffness > 0.0);
 }
 
 std::optional<MechanismProblem> problemOf(const Mechanism& m) {

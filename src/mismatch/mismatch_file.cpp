@@ -22,13 +22,18 @@ constexpr const char* kForms =
 // clearance the contacts of a run can't be separated.
 constexpr double kMostClearances = 100.0, kLeastClearances = 1e-3;
 
-[[noreturn]] void refuseRange(const Section& in, const std::string& path, const std::string& value,
+std::string shownDraw(const Draw& draw);
+
+[[noreturn]] void refuseRange(const Section& in, const std::string& path, const Draw& draw,
                               const Range& range) {
   std::string what =
       range.low == Range::kMinPositive ? "above 0" : "of at least " + shown(range.low);
   if (range.high < kLargestDraw) what += " and at most " + shown(range.high);
-  in.refuse(path, value,
-            "can draw what is not possible (normal draws within 5 SD), give draws " + what);
+  if (*range.unit != '\0') what += std::string(" [") + range.unit + "]";
+  in.refuse(path, shownDraw(draw),
+            draw.kind == Draw::Kind::kNumber
+                ? "give a number " + what
+                : "can draw what is not possible (normal draws within 5 SD), give draws " + what);
 }
 
 std::string shownDraw(const Draw& draw) {
@@ -79,7 +84,7 @@ Draw readDraw(Section& in, const std::string& key, const Range& range, double me
     in.refuse(path, shown(node), kForms);
   }
   const auto [low, high] = draw.reach(mean);
-  if (!range.contains(low) || !range.contains(high)) refuseRange(in, path, shownDraw(draw), range);
+  if (!range.contains(low) || !range.contains(high)) refuseRange(in, path, draw, range);
   return draw;
 }
 
@@ -215,6 +220,14 @@ void refuseCarrierDrive(const Mismatch& mismatch) {
                  "an arm carries the carrier, leave it out and set latency, jitter, bandwidth or "
                  "backlash of emulate_arm");
   }
+}
+
+std::string unusedWithArm(const Mismatch& mismatch) {
+  if (mismatch.draws.count("carrier.reading_noise") == 0) return "";
+  return mismatch.source +
+         ": carrier.reading_noise: has no effect where an arm carries the carrier; its encoders "
+         "are "
+         "those of emulate_arm, see encoder_step";
 }
 
 }  // namespace assembly_cell

@@ -6,9 +6,10 @@
 namespace assembly_cell {
 namespace {
 
-// Tolerances are of the drawing: no part of a simulation has one.
+// Tolerances are of the drawing, and the arm's response is a measurement: no part of a simulation
+// has one.
 bool isNumber(const Field& field) {
-  if (field.name() == "radius_tolerance") return false;
+  if (field.name() == "radius_tolerance" || field.path.rfind("arm.", 0) == 0) return false;
   return field.kind == Field::Kind::kNumber || field.kind == Field::Kind::kNumbers;
 }
 

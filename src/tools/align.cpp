@@ -535,9 +535,11 @@ int run(const std::vector<std::string>& arguments) {
   setParameters(o);
   if (!o.arm.empty()) {
     o.cell.arm = std::make_shared<assembly_cell::ArmSetup>(assembly_cell::loadArmSetup(o.arm));
-    if (o.align.arm_delay == 0.0) o.align.arm_delay = o.cell.arm->bridge.limits.delay;
   }
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
+  if (o.cell.arm && o.align.arm_delay == 0.0 && task.scenario.mechanism.arm.delay == 0.0) {
+    o.align.arm_delay = o.cell.arm->bridge.limits.delay;
+  }
   assembly_cell::checkParameters(o.align);
   try {
     assembly_cell::checkGoal(task.scenario.mechanism, o.align, o.cell.sensors);
@@ -551,7 +553,11 @@ int run(const std::vector<std::string>& arguments) {
   if (!o.mechanism.empty()) task.known = knownMechanism(o);
   if (!o.mismatch.empty()) {
     task.mismatch = assembly_cell::loadMismatch(o.mismatch);
-    if (!o.arm.empty()) assembly_cell::refuseCarrierDrive(*task.mismatch);
+    if (!o.arm.empty()) {
+      assembly_cell::refuseCarrierDrive(*task.mismatch);
+      const std::string unused = unusedWithArm(*task.mismatch);
+      if (!unused.empty()) std::cerr << "align: note: " << unused << "\n";
+    }
     // a draw that can't be is refused before the first run
     Truth unused;
     for (long i = 0; i < o.runs; ++i) {

@@ -1,24 +1,29 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Identification of the mechanism without ROS: one simulated cell, or many drawn ones with the
-// statistics of what is stated.
+// Identification of the mechanism, or of the arm's response, without ROS: one simulated cell, or
+// many drawn ones with the statistics of what is stated.
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <iostream>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <sstream>
 #include <thread>
 
+#include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/base/date.h"
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/identification_trial.h"
+#include "assembly_cell/cell/world_choice.h"
+#include "assembly_cell/identification/arm_response.h"
 #include "assembly_cell/identification/readings_file.h"
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/sensor/bridge.h"
@@ -34,6 +39,9 @@ constexpr const char* kHelp =
 Identifies the mechanism of a simulated cell from contact forces: the hanging peg is shaken and turned, then pressed on the
 face beside the hole, pushed and shaken there. Prints what was found as YAML; --out writes it for align and cell.launch.
 
+  --target T            mechanism (default), or arm: delay and stiffness by a chirp in light contact, see docs/how_to/arm.md
+  --arm FILE.yaml       with --target arm, as of align
+  --world W             with --target arm, as of align
   --mismatch FILE.yaml  how the truth differs from the scenario, see docs/reference/mismatch.md
   --seed N              of the sensors' noise and of what the mismatch draws (default 1)
   --runs K              that many cells, seeds from --seed on: how often the intervals contain the ground truth (default 1)
@@ -57,6 +65,7 @@ struct Options {
   std::vector<std::string> overrides;
   CellParameters cell;
   double prior_scale = 1.0, time_limit = 60.0;
+  std::string target = "mechanism", arm, world = "exact";
   long runs = 1;
   long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
 };
@@ -64,6 +73,10 @@ struct Options {
 bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   OptionParser parser(kHelp);
   parser.file("scenario file", o.scenario);
+  FieldList target;
+  parser.field("--target", target.choice("target", o.target, {"mechanism", "arm"}, ""));
+  parser.text("--arm", o.arm);
+  parser.text("--world", o.world);
   parser.text("--mismatch", o.mismatch);
   parser.integer("--seed", o.cell.seed, 0, 1L << 62);
   parser.integer("--runs", o.runs, 1, 1000000);
@@ -76,6 +89,11 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--out", o.out);
   parser.text("--readings", o.readings);
   if (!parser.parse(arguments)) return false;
+  if (o.target == "arm") {
+    parser.notWith("--target arm", {"--prior-scale", "--time-limit", "--readings"});
+  } else {
+    parser.notWith("--target mechanism", {"--arm", "--world"});
+  }
   assembly_cell::checkBits(o.cell.bits, "--bits: value ");
   return true;
 }
@@ -85,18 +103,27 @@ struct Task {
   std::optional<Mismatch> mismatch;
   IdentificationPrior prior;
   IdentificationPlan plan;
+
+  // As the seed draws it; its sensors and carrier go into `cell`.
+  Scenario truthOf(std::uint64_t seed, CellParameters& cell) const {
+    cell.seed = seed;
+    if (!mismatch) return scenario;
+    const Truth drawn = drawTruth(*mismatch, seed);
+    cell.truth = drawn.cell;
+    return trueScenario(scenario, drawn, mismatch->source);
+  }
 };
 
-IdentificationTrial runOnce(const Options& o, const Task& task, std::uint64_t seed) {
+IdentificationTrial runMechanism(const Options& o, const Task& task, std::uint64_t seed) {
   CellParameters cell = o.cell;
-  cell.seed = seed;
-  Scenario truth = task.scenario;
-  if (task.mismatch) {
-    const Truth drawn = drawTruth(*task.mismatch, seed);
-    truth = trueScenario(task.scenario, drawn, task.mismatch->source);
-    cell.truth = drawn.cell;
-  }
+  const Scenario truth = task.truthOf(seed, cell);
   return tryIdentification(truth, task.scenario.mechanism, cell, task.plan, task.prior);
+}
+
+ArmTrial runArm(const Options& o, const Task& task, std::uint64_t seed) {
+  CellParameters cell = o.cell;
+  const Scenario truth = task.truthOf(seed, cell);
+  return tryArmIdentification(truth, task.scenario.mechanism, cell, ArmPlan());
 }
 
 std::string names(const std::vector<int>& places, const Identification& found) {
@@ -226,8 +253,15 @@ std::string manyResults(const std::vector<IdentificationTrial>& trials) {
   return out.str();
 }
 
-std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
-  std::vector<IdentificationTrial> trials(static_cast<std::size_t>(o.runs));
+std::string verdictOf(const IdentificationTrial& trial) { return trial.found.verdict; }
+std::string verdictOf(const ArmTrial& trial) {
+  return trial.refusal.empty() ? "measured" : trial.refusal;
+}
+
+template <class Trial>
+std::vector<Trial> runAll(const Options& o, const Task& task,
+                          Trial (*run_one)(const Options&, const Task&, std::uint64_t)) {
+  std::vector<Trial> trials(static_cast<std::size_t>(o.runs));
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
   std::size_t done = 0;
@@ -240,7 +274,7 @@ std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
   const auto work = [&] {
     for (std::size_t i = next++; i < trials.size(); i = next++) {
       try {
-        trials[i] = runOnce(o, task, o.cell.seed + i);
+        trials[i] = run_one(o, task, o.cell.seed + i);
       } catch (const InputError& error) {
         const std::lock_guard<std::mutex> lock(mutex);
         bad_input = error.what();
@@ -251,7 +285,7 @@ std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
       ++done;
       beat.rest();
       std::cerr << "identify: " << done << " of " << o.runs << ", seed " << o.cell.seed + i << ": "
-                << trials[i].found.verdict << "\n";
+                << verdictOf(trials[i]) << "\n";
     }
   };
   std::vector<std::thread> threads;
@@ -262,9 +296,95 @@ std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
   return trials;
 }
 
+std::string oneArm(const ArmTrial& trial) {
+  if (!trial.refusal.empty()) return "refusal: " + yamlQuoted(trial.refusal) + "\n";
+  const ArmIdentification& found = trial.found;
+  YamlMapping truth;
+  truth.number("delay", trial.truth.delay).number("stiffness", trial.truth.stiffness);
+  std::ostringstream out;
+  out << armLine(found.arm) << "\n"
+      << "drawn_stiffness: " << yamlNumber(found.drawn_stiffness) << "\n"
+      << "force: " << yamlNumber(found.force) << "\n"
+      << "cell_time: " << yamlNumber(found.time) << "\n"
+      << "response:\n";
+  for (const ArmResponsePoint& point : found.points) {
+    YamlMapping row;
+    row.number("frequency", point.frequency).number("gain", point.gain);
+    row.number("phase", point.phase).number("sd", point.sd);
+    out << "  - " << row.text() << "\n";
+  }
+  out << "truth: " << truth.text() << "   # of the simulation\n";
+  return out.str();
+}
+
+// Statistics of one number of the response over the runs in which it was measured.
+std::string armNumber(const std::vector<ArmTrial>& trials, double ArmResponse::*value,
+                      double ArmResponse::*sd) {
+  double found = 0.0, truth = 0.0, stated = 0.0, within = 0.0;
+  std::vector<double> errors;
+  Coverage coverage;
+  for (const ArmTrial& trial : trials) {
+    if (!trial.refusal.empty()) continue;
+    const double error = trial.found.arm.*value - trial.truth.*value, own = trial.found.arm.*sd;
+    found += trial.found.arm.*value;
+    truth += trial.truth.*value;
+    stated += own;
+    within += std::abs(error) <= 3.0 * own ? 1.0 : 0.0;
+    errors.push_back(error);
+    coverage.add(error, own);
+  }
+  const auto count = static_cast<double>(errors.size());
+  YamlMapping out;
+  out.number("mean", found / count).number("truth", truth / count);
+  out.number("error_rms", rms(errors)).number("stated_sd", stated / count);
+  out.number("within_3_sd", within).add("of", coverage.text());
+  return out.text();
+}
+
+std::string manyArms(const std::vector<ArmTrial>& trials) {
+  std::ostringstream out;
+  std::vector<double> time, force;
+  for (const ArmTrial& trial : trials) {
+    if (!trial.refusal.empty()) continue;
+    time.push_back(trial.found.time);
+    force.push_back(trial.found.force);
+  }
+  out << "runs: " << trials.size() << "\nmeasured: " << time.size() << "\n";
+  if (time.empty()) return out.str();
+  out << "cell_time: " << spread(time) << "\nforce: " << spread(force)
+      << "\ndelay: " << armNumber(trials, &ArmResponse::delay, &ArmResponse::delay_sd)
+      << "\nstiffness: " << armNumber(trials, &ArmResponse::stiffness, &ArmResponse::stiffness_sd)
+      << "\n";
+  return out.str();
+}
+
+int reportArm(const Options& o, const Task& task) {
+  try {
+    checkArmPlan(task.scenario.mechanism, ArmPlan());
+  } catch (const InputError& error) {
+    throw InputError(o.scenario + ": " + error.what());
+  }
+  const std::vector<ArmTrial> trials = runAll(o, task, runArm);
+  const ArmTrial& first = trials.front();
+  std::cout << (o.runs > 1 ? manyArms(trials) : oneArm(first));
+  if (!o.out.empty() && first.refusal.empty()) {
+    Mechanism mechanism = task.scenario.mechanism;
+    mechanism.arm = first.found.arm;
+    writeFileAtomically(o.out, mechanismText(mechanism), o.out);
+  }
+  return std::all_of(trials.begin(), trials.end(),
+                     [](const ArmTrial& t) { return t.refusal.empty(); })
+             ? 0
+             : 1;
+}
+
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
+  o.cell.world = parseWorld(o.world, "--world");
+  // the engine's coupling is bolted to the carrier
+  if (o.cell.world.mujoco) o.overrides.insert(o.overrides.begin(), "coupling.axes=carrier");
+  if (!o.arm.empty()) o.cell.arm = std::make_shared<ArmSetup>(loadArmSetup(o.arm));
   if (o.runs > 1 && !(o.out.empty() && o.readings.empty())) {
     throw InputError("--runs: value " + std::to_string(o.runs) +
                      ": --out and --readings are of one cell, leave it out");
@@ -274,10 +394,12 @@ int run(const std::vector<std::string>& arguments) {
   if (!o.readings.empty()) checkWritable(o.readings, "--readings: value " + o.readings);
   Task task{loadScenario(o.scenario, o.overrides), {}, {}, {}};
   if (!o.mismatch.empty()) task.mismatch = loadMismatch(o.mismatch);
+  if (task.mismatch && o.cell.arm) refuseCarrierDrive(*task.mismatch);
+  if (o.target == "arm") return reportArm(o, task);
   task.prior.unknowns = unknownsAsDrawn(o.prior_scale);
   task.plan = planFor(task.scenario.mechanism);
   task.plan.time_limit = o.time_limit;
-  const std::vector<IdentificationTrial> trials = runAll(o, task);
+  const std::vector<IdentificationTrial> trials = runAll(o, task, runMechanism);
   const Mechanism& nominal = task.scenario.mechanism;
   if (o.runs > 1) {
     std::cout << manyResults(trials);

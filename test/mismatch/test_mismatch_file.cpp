@@ -196,6 +196,19 @@ TEST(MismatchFile, RefusesByKeyValueAndRemedy) {
             std::string::npos);
 }
 
+TEST(MismatchFile, ANumberOutOfRangeIsNoDraw) {
+  EXPECT_EQ(refusal([] { parseMismatch("carrier: {latency: -1}", "truth.yaml"); }),
+            "truth.yaml: carrier.latency: value -1: give a number of at least 0 and at most 0.25 "
+            "[s]");
+}
+
+TEST(MismatchFile, NamesWhatAnArmDoesNotHave) {
+  EXPECT_EQ(unusedWithArm(parseMismatch("carrier: {repeatability: 1.0e-5}", "truth.yaml")), "");
+  EXPECT_EQ(unusedWithArm(parseMismatch("carrier: {reading_noise: 1.0e-5}", "truth.yaml"))
+                .rfind("truth.yaml: carrier.reading_noise: has no effect", 0),
+            0U);
+}
+
 // What only the scenario shows to be impossible.
 TEST(MismatchFile, RefusesDrawsThatMakeNoScenario) {
   const Refused cases[] = {

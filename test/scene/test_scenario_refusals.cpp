@@ -58,6 +58,8 @@ TEST(Scenario, RefusesWhatIsMalformedByItsPath) {
       {"contact.stationary_rows='true'", "contact.stationary_rows: value true", "true or false"},
       {"initial.close=on", "initial.close: value on", "true or false"},
       // sizes
+      {"hole.radius_tolerance=0.02", "hole.radius_tolerance: value 0.02",
+       "give a list of 2 numbers, the smallest and the largest radius"},
       {"carrier.stiffness=[1, 2]", "carrier.stiffness: value a list of 2", "3 numbers"},
       {"carrier.damping=[1, 2, 3, 4]", "carrier.damping: value a list of 4", "3 numbers"},
       {"coupling.stiffness.diagonal=[]", "coupling.stiffness.diagonal", "6 numbers"},

@@ -51,12 +51,13 @@ struct Field {
   /// Of kOther, which only a file has: reads the key `name()` of a section.
   std::function<void(yaml::Section&)> read;
 
-  const char* origin = nullptr;  ///< of a default that depends on others: in words, else null
-  bool is_required = false;      ///< a file or a node's parameters must have it
-  const char* unless = nullptr;  ///< of a required one: the key that may take its place
-  bool is_independent = false;   ///< no other field and no check depends on it
-  bool is_written = true;        ///< into a file
-  bool is_flow = false;          ///< written on one line
+  const char* entries = nullptr;  ///< of a row: what its numbers are, in words; null: not said
+  const char* origin = nullptr;   ///< of a default that depends on others: in words, else null
+  bool is_required = false;       ///< a file or a node's parameters must have it
+  const char* unless = nullptr;   ///< of a required one: the key that may take its place
+  bool is_independent = false;    ///< no other field and no check depends on it
+  bool is_written = true;         ///< into a file
+  bool is_flow = false;           ///< written on one line
   Change change = Change::kRestart;
 
   Field& required(bool is = true);
@@ -64,6 +65,8 @@ struct Field {
   Field& requiredUnless(const char* other);
   /// The default depends on other parameters or on the node: in words, a literal.
   Field& derived(const char* from);
+  /// What the numbers of a row are, a literal for refusals.
+  Field& row(const char* of);
   Field& independent();
   /// A number that may be given as a vector, three numbers: its length, against `direction`, a unit
   /// vector. A number alone leaves the direction.

@@ -100,7 +100,9 @@ class Section {
   void know(const std::string& key);
   void readField(const Field& field);
   void readFields(std::deque<Field>::const_iterator at, std::deque<Field>::const_iterator end);
-  void readNumbers(const std::string& key, const Range& range, int count, double* values);
+  /// `of`: what the numbers are, in words; null: not said.
+  void readNumbers(const std::string& key, const Range& range, int count, double* values,
+                   const char* of = nullptr);
 
   std::string path_;
   std::string source_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/identification/arm_response.h"
 #include "assembly_cell/identification/mechanism_record.h"
 
 namespace assembly_cell {
@@ -27,5 +28,17 @@ struct IdentificationTrial {
 IdentificationTrial tryIdentification(const Scenario& start, const Mechanism& nominal,
                                       const CellParameters& cell, const IdentificationPlan& plan,
                                       const IdentificationPrior& prior);
+
+/// One simulated measurement of the arm's response with its ground truth.
+struct ArmTrial {
+  ArmIdentification found;
+  std::string refusal;  ///< why there is none; empty: there is
+  ArmResponse truth;    ///< of the same cell without noise, by ramps of the command to and fro
+};
+
+/// Measures the response of the carrier, or of an arm that carries it (see CellParameters), from
+/// `start`. Throws InputError.
+ArmTrial tryArmIdentification(const Scenario& start, const Mechanism& nominal,
+                              const CellParameters& cell, const ArmPlan& plan);
 
 }  // namespace assembly_cell

@@ -84,6 +84,21 @@ IdentificationData measure(Plant& plant, const Mechanism& nominal, const Identif
                            const std::function<void(const IdentificationProgress&)>& progress = {});
 
 class GuardedCarrier;
+
+/// Up before a travel aside [m]
+inline constexpr double kClearFace = 4e-3;
+/// Where a tilted peg is tared before it touches the face.
+struct PlaceBeside {
+  Eigen::Vector2d outward{1.0, 0.0};  ///< direction from the start, unit vector, carrier axes
+  double beside = 0.0;                ///< distance [m]
+  double tilt = 0.0;                  ///< its low side outward [rad]
+  int blocks = 10;                    ///< of the tare
+};
+/// Moves the peg there from `start` and tares it. Returns the axes of the carrier, in its base.
+/// Throws AlignError, PlantError.
+Eigen::Matrix3d tareBeside(GuardedCarrier& carrier, const Mechanism& mechanism, const Pose& start,
+                           const PlaceBeside& place);
+
 /// One step of the stepped sine: exciter as commanded, `settle` and `window` [s]. `contact` is the
 /// mean over the window less the tare. The exciter stays on. Throws AlignError no_reading.
 VibrationReading readVibration(GuardedCarrier& carrier, const ExciterParameters& exciter,

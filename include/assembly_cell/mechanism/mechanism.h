@@ -131,6 +131,14 @@ struct FrictionParameters {
   double sliding_coefficient = 0.0;
 };
 
+/// Response of the arm that carries the peg, as identify_arm measures it; 0: not known.
+struct ArmResponse {
+  double delay = 0.0;      ///< from a command to its effect in the force that a strategy sees [s]
+  double delay_sd = 0.0;   ///< [s]
+  double stiffness = 0.0;  ///< of arm, mount and contact in series, at the peg's edge [N/m]
+  double stiffness_sd = 0.0;  ///< [N/m]
+};
+
 /// The parts and what acts on them.
 struct Mechanism {
   double gravity = 0.0;  ///< [m/s²]
@@ -143,12 +151,14 @@ struct Mechanism {
   CouplingParameters coupling;
   ExciterParameters exciter;
   FrictionParameters friction;
+  ArmResponse arm;
 };
 
 /// Static stiffness of the coupling in the order of a wrench: x y z [N/m], about x y z [N·m/rad].
 Matrix6 couplingStiffness(const CouplingParameters& coupling);
 
-/// Keys of a scenario or mechanism file: gravity, peg, hole, carrier, coupling, exciter, friction.
+/// Keys of a scenario or mechanism file: gravity, peg, hole, carrier, coupling, exciter, friction,
+/// arm.
 /// The rest pose in carrier.rest and coupling.rest must be in a scenario; a mechanism file may have
 /// it.
 void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario);
@@ -172,7 +182,7 @@ Mechanism loadMechanism(const std::string& path, const std::vector<std::string>&
 Mechanism parseMechanism(const std::string& text, const std::string& source,
                          const std::vector<std::string>& overrides = {});
 
-/// The mechanism's keys of a scenario or mechanism file, from gravity to friction. Numbers read
+/// The mechanism's keys of a scenario or mechanism file, from gravity to arm. Numbers read
 /// back bitwise; a hole without an end has no depth there.
 std::string mechanismText(const Mechanism& mechanism);
 

@@ -51,6 +51,10 @@ Mismatch parseMismatch(const std::string& yaml, const std::string& source);
 /// backlash): where an arm carries the carrier, the arm has them.
 void refuseCarrierDrive(const Mismatch& mismatch);
 
+/// A line that names what an arm that carries the carrier doesn't have, which is in the files of
+/// all levels: the noise of the reported pose. Empty: nothing.
+std::string unusedWithArm(const Mismatch& mismatch);
+
 /// Draws the ground truth of one run. One stream of random numbers for each key path and seed, none
 /// of them that of the sensors' noise: a key that is added changes no other draw.
 Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed);

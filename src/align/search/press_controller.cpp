@@ -27,6 +27,11 @@ constexpr int kHolds = 5;
 constexpr double kMinPress = 0.33;
 constexpr int kSettleBlocks = 3;
 constexpr double kReportScatter = 4.0;  // sd of a reported height that are no delay
+// A delay in the force is half a step longer than in the pose, the mean of a step; an arm that
+// moves in steps is up to half a step off.
+constexpr double kForceLater = 0.5 * kStepTime, kDelayTolerance = kStepTime;
+constexpr double kDelayReach = 3.0;  // sd of the delay on file
+constexpr double kLongestDelay = CarrierDelay::kMost * kStepTime;
 // 99 of 100 blocks scatter by less than 2.5 sd.
 constexpr double kScatterReach = 2.5;
 
@@ -41,6 +46,7 @@ bool PressController::approach(double floor) {
   const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
   const double step = carrier_.limits().approach_step;
   RestPose target = carrier_.target();
+  delay_.begin(target.z, carrier_.last().time);
   while (carrier_.force().norm() < touch &&
          carrier_.force().head<2>().norm() < kSidewaysTouch * touch) {
     if (target.z <= floor) return false;
@@ -50,14 +56,45 @@ bool PressController::approach(double floor) {
                             carrier_.limits().descent * 1e3, start));
     }
     target.z -= step * carrier_.delay.slowing();
+    delay_.command(target.z, carrier_.last().time);
     carrier_.nudge(target, carrier_.sensor().alarmAt(touch, kSidewaysTouch * touch));
     const double scatter = kReportScatter * carrier_.reportNoise().position;
     carrier_.delay.measure((carrier_.last().carrier.z - target.z - scatter) / step);
+    checkDelay();
   }
   touch_z_ = carrier_.last().carrier.z;
   target.z = touch_z_;
   carrier_.moveTo(target);
   return true;
+}
+
+// Compares the delay of the first descent with the one on file, once.
+void PressController::checkDelay() {
+  const ArmResponse& arm = carrier_.limits().arm;
+  if (delay_checked_ || !(arm.delay_sd > 0.0)) return;
+  const auto report = [&] {
+    const PlantBlock& last = carrier_.last();
+    delay_.report(last.carrier.z, last.time, carrier_.reportNoise().position);
+  };
+  report();
+  const double tolerance = kDelayTolerance + kDelayReach * arm.delay_sd;
+  const std::optional<double> settled = delay_.settled();
+  double delay = settled.value_or(delay_.still()) + kForceLater;
+  const bool is_later = delay > arm.delay + tolerance;
+  if (!settled && !is_later) return;
+  delay_checked_ = true;
+  if (!is_later && delay >= arm.delay - tolerance) return;
+  // sent no farther, until it moves
+  for (double before = -1.0; !settled && delay_.still() > before && before < kLongestDelay;) {
+    before = delay_.still();
+    carrier_.wait(1);
+    report();
+    delay = delay_.still() + 0.5 * kStepTime + kForceLater;
+  }
+  throw AlignError(AlignFailure::kWrongMechanism,
+                   text("the arm answers after %.3f s, on file are %.3f s (arm.delay): measure it "
+                        "again, identify with target arm",
+                        delay, arm.delay));
 }
 
 // Refuses a press that has gone down by `down` [m] for a force.

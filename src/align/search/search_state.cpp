@@ -14,6 +14,7 @@ PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
   limits.time = TimeLimit::of(p.time_limit, p.default_time, p.spent);
   limits.slowing = CarrierDelay::ofArm(p.arm_delay).slowing();
   limits.approach_step = p.approach_step * limits.scale.step;
+  limits.arm = mechanism.arm;
   return limits;
 }
 

@@ -306,7 +306,9 @@ MessageCheck check(const AlignPegGoal& goal) { return recorded(goal); }
 MessageCheck check(const AssemblePegGoal& goal) { return recorded(goal); }
 
 // its time_limit is checked by the node
-MessageCheck check(const IdentifyGoal& goal) { return MessageCheck().name("file", goal.file); }
+MessageCheck check(const IdentifyGoal& goal) {
+  return MessageCheck().name("target", goal.target).name("file", goal.file);
+}
 
 MessageCheck check(const CalibrateSensorsGoal& goal) {
   return MessageCheck().name("plan", goal.plan).name("id", goal.id);

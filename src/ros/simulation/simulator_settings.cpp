@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/simulation/simulator_settings.h"
 
+#include <ros/console.h>
 #include <ros/param.h>
 
 #include <algorithm>
@@ -185,7 +186,11 @@ SimulatorSetup loadSimulatorSetup(const SimulatorSettings& settings, const std::
   setup.cell.hole_block_center = setup.description.hole_block_centre;
   if (!settings.mismatch.empty()) {
     const Mismatch mismatch = loadMismatch(settings.mismatch);
-    if (settings.follow_motion) refuseCarrierDrive(mismatch);
+    if (settings.follow_motion) {
+      refuseCarrierDrive(mismatch);
+      const std::string unused = unusedWithArm(mismatch);
+      if (!unused.empty()) ROS_WARN("%s", unused.c_str());
+    }
     const Truth truth = drawTruth(mismatch, setup.cell.seed);
     setup.scenario = trueScenario(setup.scenario, truth, settings.mismatch);
     setup.cell.truth = truth.cell;

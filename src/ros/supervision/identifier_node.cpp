@@ -11,6 +11,7 @@
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/identification/arm_response.h"
 #include "assembly_cell/identification/fit.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/bridge/parameters.h"
@@ -84,7 +85,47 @@ void IdentifierNode::stop() {
   const std::lock_guard<std::mutex> turn(busy_);
 }
 
+void IdentifierNode::publish(const IdentificationProgress& now) {
+  IdentifyFeedback feedback;
+  feedback.state = now.state;
+  feedback.time = now.time;
+  feedback.readings = static_cast<std::uint32_t>(now.readings);
+  server_->publishFeedback(feedback);
+}
+
+void IdentifierNode::identifyArmInto(const IdentifyGoal& goal, IdentifyResult& result) {
+  if (goal.time_limit != 0.0) {
+    throw InputError(
+        text("time_limit is %g s: target arm takes about half a minute; give 0", goal.time_limit));
+  }
+  ArmPlan plan;
+  plan.force_limit = limits_.force;
+  checkArmPlan(mechanism_, plan);
+  if (!goal.file.empty()) checkWritable(goal.file, "file '" + printable(goal.file, 200) + "'");
+  plant_->begin([this] { return server_->isPreemptRequested(); });
+  const ArmIdentification found =
+      identifyArm(*plant_, mechanism_, plan, [this](const auto& now) { publish(now); });
+  plant_->end(false);
+  result.time = found.time;
+  result.readings = static_cast<std::uint32_t>(found.points.size());
+  result.parameters = {"arm.delay", "arm.stiffness"};
+  result.values = {found.arm.delay, found.arm.stiffness};
+  result.sds = {found.arm.delay_sd, found.arm.stiffness_sd};
+  result.accepted = true;
+  result.verdict = "accepted";
+  result.message = armLine(found.arm);
+  if (goal.file.empty()) return;
+  Mechanism mechanism = mechanism_;
+  mechanism.arm = found.arm;
+  writeFileAtomically(goal.file, mechanismText(mechanism), goal.file);
+  result.file = std::filesystem::absolute(goal.file).string();
+}
+
 void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& result) {
+  if (goal.target == "arm") return identifyArmInto(goal, result);
+  if (!goal.target.empty() && goal.target != "mechanism") {
+    throw InputError("target is '" + printable(goal.target, 50) + "': give mechanism or arm");
+  }
   IdentificationPlan plan = planFor(mechanism_);
   plan.force_limit = limits_.force;
   if (goal.time_limit != 0.0) plan.time_limit = goal.time_limit;
@@ -94,13 +135,7 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   }
   const std::string file = goal.file.empty() ? settings_.file : goal.file;
   if (!file.empty()) checkWritable(file, "file '" + printable(file, 200) + "'");
-  const auto progress = [this](const IdentificationProgress& now) {
-    IdentifyFeedback feedback;
-    feedback.state = now.state;
-    feedback.time = now.time;
-    feedback.readings = static_cast<std::uint32_t>(now.readings);
-    server_->publishFeedback(feedback);
-  };
+  const auto progress = [this](const IdentificationProgress& now) { publish(now); };
   plant_->begin([this] { return server_->isPreemptRequested(); });
   const IdentificationData data = measure(*plant_, mechanism_, plan, progress);
   result.time = data.time;

@@ -25,6 +25,7 @@
 #include "assembly_cell/IdentifyAction.h"
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/SupervisorState.h"
+#include "assembly_cell/align/search/scale.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bridge/service_call.h"
@@ -190,6 +191,44 @@ TEST(MechanismIdentifier, StoresTheResultAndCanBeCancelled) {
   std::ifstream stored(cell.file);
   EXPECT_EQ(news.last()->data, std::string(std::istreambuf_iterator<char>(stored), {}));
   unlink(cell.file.c_str());
+}
+
+// Through the bridge and an emulated arm with a latency of 0.1 s.
+TEST(MechanismIdentifier, MeasuresDelayAndStiffnessOfAnArm) {
+  Cell cell({"identification:=true", "arm:=true", "arm_latency:=0.1"});
+  Client client("identify", false);
+  ASSERT_TRUE(waitFor([&] { return client.isServerConnected(); })) << cell.output();
+  IdentifyGoal goal;
+  const auto done = [&] {
+    client.sendGoal(goal);
+    ASSERT_TRUE(waitFor([&] { return client.getState().isDone(); }, kRunTime)) << cell.output();
+  };
+  goal.target = "leg";
+  done();
+  EXPECT_EQ(client.getState().getText(), "target is 'leg': give mechanism or arm");
+  goal.target = "arm";
+  goal.time_limit = 10.0;
+  done();
+  EXPECT_EQ(client.getState().getText().rfind("time_limit is 10 s: target arm", 0), 0u);
+  goal.time_limit = 0.0;
+  goal.file = test::temporaryFile("arm.yaml");
+  done();
+  const IdentifyResultConstPtr result = client.getResult();
+  ASSERT_TRUE(result);
+  ASSERT_TRUE(result->accepted) << result->message;
+  EXPECT_EQ(result->parameters, (std::vector<std::string>{"arm.delay", "arm.stiffness"}));
+  EXPECT_EQ(result->message.rfind("arm: {delay: 0.1", 0), 0u) << result->message;
+  const Mechanism drawn = loadMechanism(test::sourceFile("config/scenarios/cell.yaml"));
+  const Mechanism stored = loadMechanism(goal.file);
+  ASSERT_EQ(result->values.size(), 2u);
+  EXPECT_EQ(stored.arm.delay, result->values[0]);
+  // 0.1 s of latency, what the arm's drive, the bridge and two blocks take besides
+  EXPECT_GT(stored.arm.delay, 0.12);
+  EXPECT_LT(stored.arm.delay, 0.18);
+  EXPECT_LT(stored.arm.delay_sd, 0.003);
+  EXPECT_NEAR(stored.arm.stiffness * (pressCompliance(drawn) + 5e-7), 1.0, 0.03);
+  EXPECT_EQ(result->file, goal.file);
+  unlink(goal.file.c_str());
 }
 
 // The file of another cell is refused by name before anything is pressed. With ~identify the

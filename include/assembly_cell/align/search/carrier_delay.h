@@ -2,6 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <optional>
 
 #include "assembly_cell/align/search/step.h"
 
@@ -34,6 +37,33 @@ struct CarrierDelay {
   void measure(double behind) {
     steps = std::max(steps, static_cast<int>(std::min<double>(behind, kMost)));
   }
+};
+
+/// Delay of a carrier behind the commands of a descent: how long ago it was sent to where it is.
+/// Times in [s] of the plant's clock, heights in [m].
+class DelayMeter {
+ public:
+  /// A descent begins at rest at this height.
+  void begin(double height, double time);
+  /// The carrier is sent down to this height, at this time.
+  void command(double height, double time);
+  /// The height that it reports. Noise of a standard deviation `noise` is no motion.
+  void report(double height, double time, double noise);
+  /// Once it hasn't changed for several steps.
+  std::optional<double> settled() const;
+  /// The carrier hasn't moved since the first command, so long ago. [s]
+  double still() const { return still_; }
+
+ private:
+  static constexpr std::size_t kKept = 64, kSteps = 6;
+  struct Command {
+    double height, time;
+  };
+  std::array<Command, kKept> commands_{};
+  std::size_t count_ = 0;
+  std::array<double, kSteps> delays_{};
+  std::size_t delay_count_ = 0;
+  double still_ = 0.0;
 };
 
 }  // namespace assembly_cell

@@ -39,6 +39,7 @@ struct PressLimits {
   PegWeight weight;             ///< see ContactSensor
   TimeLimit time;
   double slowing = 1.0;  ///< of an arm whose delay is given, see CarrierDelay
+  ArmResponse arm;       ///< that a descent has to agree with; delay_sd 0: none
 };
 
 /// The limits for a mechanism: default ones with its steps, compliance, scale and weight.

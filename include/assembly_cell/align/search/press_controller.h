@@ -12,7 +12,8 @@ class PressController {
   explicit PressController(GuardedCarrier& carrier);
 
   /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
-  /// Throws AlignError `no_contact` after the descent limit.
+  /// Throws AlignError `no_contact` after the descent limit, and `wrong_mechanism` where the delay
+  /// of the first descent isn't the one on file.
   bool approach(double floor);
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
@@ -30,10 +31,13 @@ class PressController {
 
  private:
   void limitTravel(double down, double force) const;
+  void checkDelay();
 
   GuardedCarrier& carrier_;
   double touch_z_ = 0.0;
   double stiffness_;  // of the contact along z, from the last secant [N/m]
+  DelayMeter delay_;
+  bool delay_checked_ = false;
 };
 
 }  // namespace assembly_cell

@@ -49,6 +49,8 @@ class IdentifierNode {
   void execute(const IdentifyGoalConstPtr& goal);
   /// Throws PlantError, AlignError, InputError.
   void identifyInto(const IdentifyGoal& goal, IdentifyResult& result);
+  void identifyArmInto(const IdentifyGoal& goal, IdentifyResult& result);
+  void publish(const IdentificationProgress& now);
   /// Frees the peg after a failed goal if there are data to detect contact by, and ends the plant's
   /// goal. was_free: at the goal's start. Returns whether the peg is free.
   bool release(bool was_free);
