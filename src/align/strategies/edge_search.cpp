@@ -20,7 +20,11 @@ constexpr int kDrops = 8;  // tries to put the low edge into the hole
 // And one for every place that a miss rules out, a disc of 0.8 radii, in the region of the hole:
 // none more for 25 mm, 39 for 3 mm.
 constexpr double kRuledOut = 0.8, kRegion = 0.015;  // [m]
-constexpr double kOver = 3e-4;       // lowest point over the plane before a descent [m]
+constexpr double kOver = 3e-4;  // lowest point over the plane before a descent [m]
+// Before a touch: the swing that is left moves the zero by less than 0.01 mm of the peg, where a
+// move ends within kPlaceSd. With the rest of a first zero 0.4 s longer, at level 2 1.2 s.
+constexpr Rest kNearlyAtRest{0.1, 2};
+constexpr int kZeroBlocks = 2;       // of the zero of a touch
 constexpr double kPullFree = 5e-4;   // of a free peg [m]
 constexpr double kSpot = 1e-4;       // aside: less is no lateral motion [m]
 constexpr double kSinks = 0.5;       // of scale: a light touch's travel is a quarter of kDeep
@@ -163,7 +167,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
   }
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
-  s_.carrier.tare(2);
+  s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   // the edge already rests on something
   for (int i = 0; s_.carrier.sensor().tareShift() > s_.carrier.sensor().freeShift(); ++i) {
     if (i == kHigher) {
@@ -173,7 +177,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     }
     over.z() += kRaise * s_.scale.travel;
     s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
-    s_.carrier.tare(2);
+    s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   }
 }
 
