@@ -56,7 +56,7 @@ TEST(ReportNoise, ArrivalAllowsForIt) {
   at = before = target;
   at.theta = before.theta = target.theta + 3e-5;
   EXPECT_FALSE(arrived(before, at, target, {1e-5, 1e-6}));
-  EXPECT_EQ(blocksToEnd({1e-5, 1e-6}), 3);
+  EXPECT_EQ(blocksToEnd({1e-5, 1e-6}), 2);
 }
 
 AlignTrial noisyTrial(const std::string& mismatch, const std::string& strategy,

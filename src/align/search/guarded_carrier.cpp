@@ -11,8 +11,6 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
-constexpr double kStillForce = 0.03;    // change from block to block of a peg at rest [N]
-constexpr int kStillBlocks = 3;
 // After so many blocks a swing has died away, and a change that is left may be noise.
 constexpr int kSwingBlocks = 50;
 // Stiff parts that touch make a knock of a few samples, at or over the ends of the bridges' range;
@@ -96,9 +94,9 @@ const PlantBlock& GuardedCarrier::wait(int blocks) {
   return last();
 }
 
-bool GuardedCarrier::settle() {
+bool GuardedCarrier::settle(const Rest& rest) {
   int still = 0;
-  for (int i = 0; still < kStillBlocks; ++i) {
+  for (int i = 0; still < rest.blocks; ++i) {
     if (i == limits_.scale.timed(kMotionBlocks)) return false;
     const Vector6 before = last().wrench_b;
     wait(1);
@@ -107,7 +105,7 @@ bool GuardedCarrier::settle() {
                        "a channel stays at its limit with the peg at rest; look at both sensors, "
                        "their offsets and their noise");
     }
-    double limit = kStillForce * limits_.scale.still;
+    double limit = rest.force * limits_.scale.still;
     if (i >= limits_.scale.timed(kSwingBlocks) && last().samples > 0) {
       limit = std::max(limit, sensor_.noiseChange());
     }
@@ -117,8 +115,8 @@ bool GuardedCarrier::settle() {
   return true;
 }
 
-void GuardedCarrier::tare(int blocks) {
-  if (!settle()) {
+void GuardedCarrier::tare(int blocks, const Rest& rest) {
+  if (!settle(rest)) {
     throw AlignError(AlignFailure::kNotStill,
                      "the hanging peg doesn't come to rest; check for contact");
   }

@@ -15,8 +15,9 @@ constexpr double kAside = 5e-4;       // of x and y, which yield [m]
 constexpr double kMinNoise = 1e-6;  // of the reported pose that counts as such [m], [rad]
 // One pose in 5000 is farther off; it costs one block more.
 constexpr double kNoiseReach = 4.0;
-// A quintic at the carrier's default limits is 60 um from its end at most 32 ms before it.
-constexpr int kBlocksToEnd = 3;
+// A quintic at the carrier's default limits is 60 um from its end at most 32 ms before it: two
+// blocks. Three: an alignment at mismatch level 2 takes 0.5 s longer.
+constexpr int kBlocksToEnd = 2;
 
 // Largest difference of height and tilts, less what `reach` deviations of the noise explain.
 double distance(const RestPose& a, const RestPose& b, const ReportNoise& noise, double reach) {

@@ -20,14 +20,21 @@ constexpr int kDrops = 8;  // tries to put the low edge into the hole
 // And one for every place that a miss rules out, a disc of 0.8 radii, in the region of the hole:
 // none more for 25 mm, 39 for 3 mm.
 constexpr double kRuledOut = 0.8, kRegion = 0.015;  // [m]
-constexpr double kOver = 3e-4;       // lowest point over the plane before a descent [m]
-constexpr double kPullFree = 5e-4;   // of a free peg [m]
-constexpr double kSpot = 1e-4;       // aside: less is no lateral motion [m]
-constexpr double kSinks = 0.5;       // of scale: a light touch's travel is a quarter of kDeep
-constexpr double kDeep = 4e-4;       // lowest point below the plane, inside [m]
-constexpr double kPlaceSd = 5e-5;    // of where a move ends [m]
-constexpr double kPush = 0.75;       // sideways: a wall [N]
-constexpr double kSidestep = 1e-4;   // of the travel to a wall, in one block [m]
+constexpr double kOver = 3e-4;  // lowest point over the plane before a descent [m]
+// Before a touch: the swing that is left moves the zero by less than 0.01 mm of the peg, where a
+// move ends within kPlaceSd. With the rest of a first zero 0.4 s longer, at level 2 1.2 s.
+constexpr Rest kNearlyAtRest{0.1, 2};
+constexpr int kZeroBlocks = 2;      // of the zero of a touch
+constexpr double kPullFree = 5e-4;  // of a free peg [m]
+constexpr double kSpot = 1e-4;      // aside: less is no lateral motion [m]
+constexpr double kSinks = 0.5;      // of scale: a light touch's travel is a quarter of kDeep
+constexpr double kDeep = 4e-4;      // lowest point below the plane, inside [m]
+constexpr double kPlaceSd = 5e-5;   // of where a move ends [m]
+constexpr double kPush = 0.75;      // sideways: a wall [N]
+// Of the travel to a wall, in one block. Half: near starts take 0.35 s longer. A carrier that
+// answers late takes half of it: it goes on for as long after the contact. [m]
+constexpr double kSidestep = 2e-4, kLateSidestep = 1e-4;
+constexpr double kOverPush = 2.0, kPushAfter = 1.5;  // of a push: more is relieved, to so much
 constexpr double kMoreGive = 2.0;    // stiffer or smaller pegs by that take the same step
 constexpr double kYields = 0.1;      // of a push, when half of the travel into it is taken back
 constexpr double kBack = 3e-4;       // off a wall again [m]
@@ -163,7 +170,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
   }
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
-  s_.carrier.tare(2);
+  s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   // the edge already rests on something
   for (int i = 0; s_.carrier.sensor().tareShift() > s_.carrier.sensor().freeShift(); ++i) {
     if (i == kHigher) {
@@ -173,7 +180,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     }
     over.z() += kRaise * s_.scale.travel;
     s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
-    s_.carrier.tare(2);
+    s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   }
 }
 
@@ -320,8 +327,9 @@ bool EdgeSearch::wall(const Vec3& direction) {
                      (s_.carrier.force() - zero));
   };
   const double wanted = kPush * s_.scale.force;
+  const double prompt = s_.carrier.delay.slowing() < 1.0 ? kLateSidestep : kSidestep;
   const double step =
-      kSidestep * std::min({1.0, s_.scale.give * kMoreGive, s_.scale.length * kMoreGive});
+      prompt * std::min({1.0, s_.scale.give * kMoreGive, s_.scale.length * kMoreGive});
   double moved = 0.0, pushed = 0.0, gentler = 0.0;
   Vec2 less = Vec2::Zero();
   while (pushed < wanted) {
@@ -339,6 +347,10 @@ bool EdgeSearch::wall(const Vec3& direction) {
     s_.carrier.step(command);
     pushed = push(direction);
     if (pushed < wanted) continue;
+    // measured at a push that hardly turns the peg
+    if (pushed > kOverPush * wanted) {
+      moved -= (pushed - kPushAfter * wanted) * softness(s_, direction, R);
+    }
     pushed = pushedAt(from + moved * direction, R, [&] { return Vec2(push(direction), 0.0); }).x();
     if (pushed < wanted) continue;
     gentler = moved - 0.5 * pushed * softness(s_, direction, R);

@@ -51,6 +51,12 @@ inline constexpr int kMotionBlocks = 200;
 /// Metres of travel that count as much as a radian.
 inline constexpr double kTurnArm = 0.1;
 
+/// What counts as a peg at rest: a change of force from block to block, so many times in a row.
+struct Rest {
+  double force = 0.03;  ///< times Scale::still [N]
+  int blocks = 3;
+};
+
 /// How GuardedCarrier::moveTo() ends.
 enum class Move {
   kToTheEnd,
@@ -93,12 +99,12 @@ class GuardedCarrier {
 
   /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
   /// deflection. Throws AlignError `not_still`.
-  void tare(int blocks = 10);
+  void tare(int blocks = 10, const Rest& rest = {});
   /// The next tare counts as the first one; nothing is checked until then.
   void clearTare() { sensor_.clearTare(); }
   /// Waits until blocks in a row agree; false: they never do. Throws AlignError `sensor_saturated`
   /// where a channel stays at its limit.
-  bool settle();
+  bool settle(const Rest& rest = {});
 
   /// Moves the rest pose and waits until it is there. Throws AlignError `not_arrived`.
   void moveTo(const RestPose& target, Move move = Move::kToTheEnd);
