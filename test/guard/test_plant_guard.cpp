@@ -305,7 +305,7 @@ TEST(PlantGuard, AMoveIsNoFasterThanAStopMayCost) {
   }
   EXPECT_GT(slowest, 0);
   // a load at the limit may still be relieved
-  EXPECT_GT(speedLimit(guard, down(100.0), down(0.01)), 0.05);
+  EXPECT_GT(speedLimit(guard, down(100.0), down(0.01)), 0.049);
   EXPECT_EQ(speedLimit(guard, down(100.0), down(-0.01)), 1e-3);
   EXPECT_EQ(speedLimit(guard, down(50.0), kNothing), std::numeric_limits<double>::infinity());
 }
