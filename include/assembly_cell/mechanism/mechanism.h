@@ -131,7 +131,7 @@ struct FrictionParameters {
   double sliding_coefficient = 0.0;
 };
 
-/// Response of the arm that carries the peg, as identify_arm measures it; 0: not known.
+/// Response of the arm that carries the peg, as identifyArm() measures it; 0: not known.
 struct ArmResponse {
   double delay = 0.0;      ///< from a command to its effect in the force that a strategy sees [s]
   double delay_sd = 0.0;   ///< [s]

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/align/search/carrier_delay.h"
 
-#include <cmath>
+#include <algorithm>
 
 namespace assembly_cell {
 namespace {
