@@ -120,8 +120,9 @@ int StoreFile::pragma(const char* name) {
   return database_->execAndGet(std::string("PRAGMA ") + name).getInt();
 }
 
-// A store, or an empty file that becomes one.
+// A store, or an empty file that becomes one. In one transaction: another program may be making it.
 void StoreFile::checkIdentity() {
+  const SQLite::Transaction snapshot(*database_);
   const int application = pragma("application_id"), version = pragma("user_version");
   if (application != kApplicationId) {
     const bool empty = application == 0 && version == 0 &&

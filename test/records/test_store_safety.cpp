@@ -374,43 +374,46 @@ TEST(StoreSafety, AFileThatWasRemovedIsNotWritten) {
   EXPECT_TRUE(isWhole(store.read(run.id)));
 }
 
-// Both from no file on, as fast as they can. In memory: on a busy disk one commit may take longer
-// than the second for which the other waits.
+// Both from no file on, as fast as they can, with ten files: the moment at which one finds the
+// store half made by the other is short. In memory: on a busy disk one commit may take longer than
+// the second for which the other waits.
 TEST(StoreSafety, TwoProcessesWriteAtOnce) {
-  constexpr int kRuns = 200;
+  constexpr int kFiles = 10, kRuns = 20;
   const char* const set = std::getenv("TMPDIR");
   const std::string before = set != nullptr ? set : "";
   setenv("TMPDIR", "/dev/shm", 1);
   const test::TemporaryFolder folder;
   set != nullptr ? setenv("TMPDIR", before.c_str(), 1) : unsetenv("TMPDIR");
-  const std::string path = folder / "runs.db";
-  pid_t writers[2];
-  for (int w = 0; w < 2; ++w) {
-    writers[w] = fork();
-    if (writers[w] != 0) continue;
-    const std::string why = whyRefused([&] {
-      RunStore store(path, Access::kWrite);
-      for (int i = 0; i < kRuns; ++i) {
-        Record run = numbered(w * kRuns + i);
-        store.append(run);
-      }
-    });
-    if (!why.empty()) std::cerr << why << std::endl;
-    _exit(why.empty() ? 0 : 1);
+  for (int file = 0; file < kFiles; ++file) {
+    const std::string path = folder / ("runs_" + std::to_string(file) + ".db");
+    pid_t writers[2];
+    for (int w = 0; w < 2; ++w) {
+      writers[w] = fork();
+      if (writers[w] != 0) continue;
+      const std::string why = whyRefused([&] {
+        RunStore store(path, Access::kWrite);
+        for (int i = 0; i < kRuns; ++i) {
+          Record run = numbered(w * kRuns + i);
+          store.append(run);
+        }
+      });
+      if (!why.empty()) std::cerr << why << std::endl;
+      _exit(why.empty() ? 0 : 1);
+    }
+    for (const pid_t writer : writers) {
+      int status = 0;
+      waitpid(writer, &status, 0);
+      EXPECT_EQ(status, 0);
+    }
+    const RunStore store(path, Access::kRead);
+    std::set<std::string> serials;
+    for (const RunSummary& run : store.list({})) {
+      serials.insert(run.serial);
+      EXPECT_TRUE(isWhole(store.read(run.id)));
+    }
+    EXPECT_EQ(serials.size(), 2u * kRuns);
+    EXPECT_TRUE(store.check().empty());
   }
-  for (const pid_t writer : writers) {
-    int status = 0;
-    waitpid(writer, &status, 0);
-    EXPECT_EQ(status, 0);
-  }
-  const RunStore store(path, Access::kRead);
-  std::set<std::string> serials;
-  for (const RunSummary& run : store.list({})) {
-    serials.insert(run.serial);
-    EXPECT_TRUE(isWhole(store.read(run.id)));
-  }
-  EXPECT_EQ(serials.size(), 2u * kRuns);
-  EXPECT_TRUE(store.check().empty());
 }
 
 }  // namespace assembly_cell
