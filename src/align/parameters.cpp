@@ -52,7 +52,7 @@ void alignFields(FieldList& f, AlignParameters& p) {
            "Descent in one block before contact.");
   f.number(
       "arm_delay", p.arm_delay, {0.0, 1.0, "s"},
-      "Time from a contact to the arm's reaction: a mount that is too stiff for it is refused; "
+      "Time from a contact to the arm's reaction: descents are as slow as it and the mount need; "
       "0: arm.delay of the scenario, or no arm.");
   f.number("exciter_amplitude", p.exciter_amplitude, notNegative("N", 1000),
            "Amplitude of the exciting force; 0: as much as friction holds at the press force.");

@@ -462,8 +462,9 @@ double safeSpeed(const ArmGuard& arm, const Vector6& way) {
   const double a = arm.limits.motion.acceleration, delay = arm.limits.delay;
   const double speed = speedLimit(arm.guard, arm.wrench[1], way);
   if (!std::isfinite(speed)) return speed;
-  // the same stopping distance with the way during the delay
-  const double distance = kStopWay * speed * speed / a;
+  // the same stopping distance with the way during the delay, less what a contact may push with
+  // when it is detected, twice the threshold: a peg that swings back from the face does so, too
+  const double distance = (1.0 - 2.0 * kDetectable) * kStopWay * speed * speed / a;
   const double v =
       (std::sqrt(delay * delay + 4.0 * kStopWay * distance / a) - delay) * 0.5 * a / kStopWay;
   return std::max(kMinSpeed, v);

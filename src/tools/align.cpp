@@ -525,6 +525,14 @@ void checkFirstRun(const Options& o, const Task& task) {
   }
 }
 
+// What an arm's first touch is expected to reach.
+std::string yamlOfArm(const Options& o, const Task& task) {
+  if (!o.cell.arm && task.scenario.mechanism.arm.delay == 0.0) return "";
+  const assembly_cell::ArmTouch touch = assembly_cell::armTouch(task.scenario.mechanism, o.align);
+  return "arm_touch: {speed: " + yamlNumber(touch.speed) + ", force: " + yamlNumber(touch.force) +
+         "}\n";
+}
+
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
@@ -577,7 +585,7 @@ int run(const std::vector<std::string>& arguments) {
 
   Recorder recorder(o, task);
   const std::vector<Run> runs = runAll(o, task, recorder);
-  const std::string text = yaml(runs, o);
+  const std::string text = yamlOfArm(o, task) + yaml(runs, o);
   std::cout << text << std::flush;
   if (file) {
     file->write(text);

@@ -90,6 +90,17 @@ struct AlignResult {
   InsertResult insert;
 };
 
+/// Descent of an arm to its first touch.
+struct ArmTouch {
+  double slower = 1.0;  ///< of its speed, where the mount needs that: 45 % of the force limit hold
+  double speed = 0.0;   ///< [m/s]
+  double force = 0.0;   ///< before it stops, at most [N]
+};
+
+/// By the arm's delay of the parameters, or where that is 0 of the mechanism; see
+/// docs/how_to/arm.md.
+ArmTouch armTouch(const Mechanism& mechanism, const AlignParameters& parameters);
+
 /// checkParameters() and what these parts can't do. Throws InputError naming the parameter or the
 /// mechanism's key.
 void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters,

@@ -147,10 +147,10 @@ inline bool exceeds(const Vector6& load, const Load& limit) {
   return !(load.head<3>().squaredNorm() <= limit.force * limit.force &&
            load.tail<3>().squaredNorm() <= limit.torque * limit.torque);
 }
-/// A tenth of the limits: below it no contact is detected, and a stop isn't predicted.
+/// Of the limits: below it no contact is detected, and a stop isn't predicted.
+inline constexpr double kDetectable = 0.1;
 inline Load detectionThreshold(const GuardLimits& limits) {
-  constexpr double kFraction = 0.1;
-  return {kFraction * limits.force, kFraction * limits.torque};
+  return {kDetectable * limits.force, kDetectable * limits.torque};
 }
 /// Load of the coupling after the carrier has moved by `way` while the peg was at rest.
 inline Vector6 loadAfter(const Braking& braking, const Vector6& load, const Vector6& way) {

@@ -44,7 +44,10 @@ PressLimits pressLimits(const Mechanism& mechanism) {
 }
 
 GuardedCarrier::GuardedCarrier(Plant& plant, const PressLimits& limits)
-    : plant_(plant), limits_(limits), sensor_(limits.weight, limits.scale.force) {
+    : delay(CarrierDelay::ofArm(limits.arm_delay)),
+      plant_(plant),
+      limits_(limits),
+      sensor_(limits.weight, limits.scale.force) {
   checks_.begin = std::numeric_limits<double>::infinity();  // until limitTime()
   wait(1);
   target_ = last().carrier;
@@ -68,7 +71,7 @@ const PlantBlock& GuardedCarrier::step(const PlantCommand& command, double force
   sensor_.update(plant_.next(all));
   delay.since_command = all.rest ? 0 : delay.since_command + 1;
   delay.to_end = std::max(0, delay.to_end - 1);
-  const double allowed = limits_.time.at(std::min(delay.slowing(), limits_.slowing));
+  const double allowed = limits_.time.at(delay);
   if (checks_.on && last().time - checks_.begin > allowed) {
     throw AlignError(AlignFailure::kTimeLimit, text("not done within %g s", allowed));
   }

@@ -49,7 +49,12 @@ bool PressController::approach(double floor) {
   delay_.begin(target.z, carrier_.last().time);
   while (carrier_.force().norm() < touch &&
          carrier_.force().head<2>().norm() < kSidewaysTouch * touch) {
-    if (target.z <= floor) return false;
+    if (target.z <= floor) {
+      // a late carrier isn't there yet
+      if (carrier_.delay.since_command >= carrier_.delay.toEffect()) return false;
+      carrier_.wait(1);
+      continue;
+    }
     if (start - target.z > carrier_.limits().descent) {
       throw AlignError(AlignFailure::kNoContact,
                        text("none within %.1f mm of descent from z %.4f m",
@@ -60,7 +65,7 @@ bool PressController::approach(double floor) {
     carrier_.nudge(target, carrier_.sensor().alarmAt(touch, kSidewaysTouch * touch));
     const double scatter = kReportScatter * carrier_.reportNoise().position;
     carrier_.delay.measure((carrier_.last().carrier.z - target.z - scatter) / step);
-    checkDelay();
+    measureDelay();
   }
   touch_z_ = carrier_.last().carrier.z;
   target.z = touch_z_;
@@ -68,17 +73,18 @@ bool PressController::approach(double floor) {
   return true;
 }
 
-// Compares the delay of the first descent with the one on file, once.
-void PressController::checkDelay() {
-  const ArmResponse& arm = carrier_.limits().arm;
-  if (delay_checked_ || !(arm.delay_sd > 0.0)) return;
+// Of a descent; that of the first is compared with the one on file.
+void PressController::measureDelay() {
   const auto report = [&] {
     const PlantBlock& last = carrier_.last();
     delay_.report(last.carrier.z, last.time, carrier_.reportNoise().position);
   };
   report();
-  const double tolerance = kDelayTolerance + kDelayReach * arm.delay_sd;
   const std::optional<double> settled = delay_.settled();
+  if (settled) carrier_.delay.answers(*settled);
+  const ArmResponse& arm = carrier_.limits().arm;
+  if (delay_checked_ || !(arm.delay_sd > 0.0)) return;
+  const double tolerance = kDelayTolerance + kDelayReach * arm.delay_sd;
   double delay = settled.value_or(delay_.still()) + kForceLater;
   const bool is_later = delay > arm.delay + tolerance;
   if (!settled && !is_later) return;

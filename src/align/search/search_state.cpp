@@ -12,7 +12,7 @@ PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
   limits.force = p.force_limit;
   limits.descent = p.descent_limit * limits.scale.travel;
   limits.time = TimeLimit::of(p.time_limit, p.default_time, p.spent);
-  limits.slowing = CarrierDelay::ofArm(p.arm_delay).slowing();
+  limits.arm_delay = p.arm_delay;
   limits.approach_step = p.approach_step * limits.scale.step;
   limits.arm = mechanism.arm;
   return limits;

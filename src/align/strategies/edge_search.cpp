@@ -31,11 +31,11 @@ constexpr double kSinks = 0.5;      // of scale: a light touch's travel is a qua
 constexpr double kDeep = 4e-4;      // lowest point below the plane, inside [m]
 constexpr double kPlaceSd = 5e-5;   // of where a move ends [m]
 constexpr double kPush = 0.75;      // sideways: a wall [N]
-// Of the travel to a wall, in one block. Half: near starts take 0.35 s longer. A carrier that
-// answers late takes half of it: it goes on for as long after the contact. [m]
-constexpr double kSidestep = 2e-4, kLateSidestep = 1e-4;
+// Of a step down before a contact, a step to a wall. Half: near starts take 0.35 s longer.
+constexpr double kSidestep = 2.0;
 constexpr double kOverPush = 2.0, kPushAfter = 1.5;  // of a push: more is relieved, to so much
 constexpr double kMoreGive = 2.0;    // stiffer or smaller pegs by that take the same step
+constexpr int kAdjusts = 4;          // of a late carrier's push
 constexpr double kYields = 0.1;      // of a push, when half of the travel into it is taken back
 constexpr double kBack = 3e-4;       // off a wall again [m]
 constexpr double kSlack = 5e-6;      // strain that is none [m]
@@ -121,7 +121,7 @@ void EdgeSearch::enterByWalls() {
     if (search_.entry.enter(s_.hole.center)) return;
     bottom = s_.target().p;
     const double spent = s_.carrier.last().time - s_.start_time;
-    if (spent * s_.carrier.delay.slowing() > kEntryTime * s_.scale.time)
+    if (spent > kEntryTime * s_.scale.time * s_.carrier.delay.longer())
       refuseTooTight(s_.known.clearance, s_.contacts);
   }
   if (!went_in) {
@@ -327,9 +327,8 @@ bool EdgeSearch::wall(const Vec3& direction) {
                      (s_.carrier.force() - zero));
   };
   const double wanted = kPush * s_.scale.force;
-  const double prompt = s_.carrier.delay.slowing() < 1.0 ? kLateSidestep : kSidestep;
-  const double step =
-      prompt * std::min({1.0, s_.scale.give * kMoreGive, s_.scale.length * kMoreGive});
+  const double step = kSidestep * s_.p.approach_step * s_.carrier.delay.slowing() *
+                      std::min({1.0, s_.scale.give * kMoreGive, s_.scale.length * kMoreGive});
   double moved = 0.0, pushed = 0.0, gentler = 0.0;
   Vec2 less = Vec2::Zero();
   while (pushed < wanted) {
@@ -348,10 +347,17 @@ bool EdgeSearch::wall(const Vec3& direction) {
     pushed = push(direction);
     if (pushed < wanted) continue;
     // measured at a push that hardly turns the peg
-    if (pushed > kOverPush * wanted) {
-      moved -= (pushed - kPushAfter * wanted) * softness(s_, direction, R);
+    const auto isOver = [&] { return pushed > kOverPush * wanted; };
+    // a late carrier goes on for a while
+    const bool late = awaitEffect(s_.carrier);
+    if (late) pushed = push(direction);
+    for (int i = 0; i == 0 || (late && i < kAdjusts && (isOver() || pushed < wanted)); ++i) {
+      if (isOver() || i > 0) {
+        moved -= (pushed - kPushAfter * wanted) * softness(s_, direction, R);
+      }
+      pushed =
+          pushedAt(from + moved * direction, R, [&] { return Vec2(push(direction), 0.0); }).x();
     }
-    pushed = pushedAt(from + moved * direction, R, [&] { return Vec2(push(direction), 0.0); }).x();
     if (pushed < wanted) continue;
     gentler = moved - 0.5 * pushed * softness(s_, direction, R);
     less = pushedAt(from + gentler * direction, R,

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 
@@ -10,30 +11,42 @@
 
 namespace assembly_cell {
 
-/// How late a carrier follows its commands, as an arm does behind its controller and network: in
-/// steps of a descent that it is behind, of kStepTime each.
+/// How late a carrier follows its commands, as an arm does behind its controller and network. In
+/// steps of kStepTime.
 struct CarrierDelay {
   /// So many steps is a carrier behind that follows at once.
   static constexpr int kPrompt = 1;
-  static constexpr int kMost = 25;  ///< 0.5 s
+  static constexpr int kPromptAnswer = 3;  ///< steps until it moves
+  static constexpr int kMost = 25;         ///< 0.5 s
 
-  int steps = kPrompt;    ///< the most so far
+  int steps = kPrompt;    ///< of its full speed that a descent is behind, the most so far
+  int answer = 0;         ///< from a command until it moves, the most so far
   int since_command = 0;  ///< steps since the last command
   int to_end = 0;         ///< steps to the certain end of the last move, where the pose is noisy
 
   /// Steps from a command until its effect has begun; 0 for a carrier that follows at once.
-  int toEffect() const { return steps > kPrompt ? steps + 1 : 0; }
+  int toEffect() const { return steps > kPrompt ? std::max(steps, answer) + 1 : 0; }
   /// Factor of the speed before a contact and of the gains in contact: a late carrier then goes as
   /// far after a contact as one that follows at once, for which it is 1.
   double slowing() const { return (kPrompt + 1.0) / (steps + 1.0); }
-  /// That of an arm which reacts so long after a contact [s]; at 2.5 steps it follows at once.
+  /// Factor of the time limits.
+  double longer() const {
+    return std::max(1.0, static_cast<double>(std::max(steps, answer)) / kPromptAnswer);
+  }
+  /// That of an arm which reacts so long after a contact [s], half a step later than it moves. A
+  /// descent that slows down as it finds itself behind, is 2·sqrt(n) - 1 steps behind after n.
   static CarrierDelay ofArm(double reaction) {
     CarrierDelay late;
-    late.measure(reaction / kStepTime - 1.5);
+    late.answers(reaction);
+    late.measure(2.0 * std::sqrt(std::max(0.0, reaction / kStepTime - 0.5)) - 1.0);
     return late;
   }
-  /// Takes steps that the carrier is behind in a descent; more than kMost are those of a carrier
-  /// that is too slow.
+  /// Takes the time from a command until the carrier moves [s].
+  void answers(double time) {
+    answer = std::max(answer, static_cast<int>(std::min<double>(time / kStepTime + 0.5, kMost)));
+  }
+  /// Takes steps that the carrier is behind in a descent, less than its answer takes where it slows
+  /// down for it; more than kMost are those of a carrier that is too slow.
   void measure(double behind) {
     steps = std::max(steps, static_cast<int>(std::min<double>(behind, kMost)));
   }

@@ -16,7 +16,7 @@ namespace assembly_cell {
 /// Time that a search may take.
 struct TimeLimit {
   double seconds = std::numeric_limits<double>::infinity();
-  bool for_prompt = false;  ///< a carrier that is late has more, by CarrierDelay::slowing()
+  bool for_prompt = false;  ///< a carrier that is late has more, by CarrierDelay::longer()
   double spent = 0.0;       ///< of it, before [s]
 
   /// `given`, or where it is 0 `otherwise` for a prompt carrier, or where that is 0, too, none. [s]
@@ -25,8 +25,9 @@ struct TimeLimit {
     if (otherwise > 0.0) return {otherwise, true, spent};
     return {};
   }
-  /// Seconds of a carrier with this CarrierDelay::slowing().
-  double at(double slowing) const { return for_prompt ? seconds / slowing : seconds; }
+  double at(const CarrierDelay& delay) const {
+    return for_prompt ? seconds * delay.longer() : seconds;
+  }
 };
 
 /// Limits of whatever moves the carrier.
@@ -38,8 +39,8 @@ struct PressLimits {
   Scale scale;                  ///< of the mechanism
   PegWeight weight;             ///< see ContactSensor
   TimeLimit time;
-  double slowing = 1.0;  ///< of an arm whose delay is given, see CarrierDelay
-  ArmResponse arm;       ///< that a descent has to agree with; delay_sd 0: none
+  double arm_delay = 0.0;  ///< of an arm, where it is given [s]
+  ArmResponse arm;         ///< that a descent has to agree with; delay_sd 0: none
 };
 
 /// The limits for a mechanism: default ones with its steps, compliance, scale and weight.

@@ -31,7 +31,7 @@ class PressController {
 
  private:
   void limitTravel(double down, double force) const;
-  void checkDelay();
+  void measureDelay();
 
   GuardedCarrier& carrier_;
   double touch_z_ = 0.0;
