@@ -196,5 +196,26 @@ TEST(CarrierArm, AlignsAndInsertsWithAnArmThatAnswersLate) {
   }
 }
 
+// A fit of 10 um. Before a descent waited for its end a peg counted as in the hole that still went
+// down, and walls were measured a move late: none was aligned within 360 s.
+TEST(CarrierArm, FindsTheMiddleOfACloseFitWithAnArmThatAnswersLate) {
+  Scenario close = cell();
+  close.mechanism.hole.radius = close.mechanism.peg.radius + 1e-5;
+  ArmSetup late = setup();
+  late.arm.arm.latency = 0.25;
+  late.bridge.limits.following_time = 0.4;
+  late.bridge.limits.delay = 0.25;
+  AlignParameters parameters;
+  parameters.insert.depth = 0.02;
+  parameters.arm_delay = 0.25;
+  for (int seed = 1; seed <= 2; ++seed) {
+    const Scenario start = startAt(close, {0.004 * seed, -0.003}, {0.01, -0.008 * seed}, 0.003);
+    const AlignTrial trial = tryAlignment(start, start.mechanism,
+                                          with(late, static_cast<std::uint64_t>(seed)), parameters);
+    EXPECT_TRUE(trial.success) << seed << ": " << trial.result.reason;
+    EXPECT_LT(trial.force, 30.0) << seed;
+  }
+}
+
 }  // namespace
 }  // namespace assembly_cell
