@@ -138,9 +138,10 @@ void EdgeSearch::add(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
-  // on two points, as in a cone, its line of action is between them
+  // on two points, on the rim or in a cone, its line of action is between them
   const bool chamfered = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width > 0.0;
-  if (!light.isSteep() && !(chamfered && light.straddles())) reading.point = light.point;
+  reading.on_two = !chamfered && !light.isSteep() && light.straddles();
+  if (!light.isSteep() && !light.straddles()) reading.point = light.point;
   reading.lean = light.lean;
   readings.push_back(reading);
 }
