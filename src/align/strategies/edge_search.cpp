@@ -24,7 +24,10 @@ constexpr double kOver = 3e-4;  // lowest point over the plane before a descent 
 // Before a touch: the swing that is left moves the zero by less than 0.01 mm of the peg, where a
 // move ends within kPlaceSd. With the rest of a first zero 0.4 s longer, at level 2 1.2 s.
 constexpr Rest kNearlyAtRest{0.1, 2};
-constexpr int kZeroBlocks = 2;      // of the zero of a touch
+constexpr int kZeroBlocks = 2;  // of the zero of a touch
+// Of a zero: sensors that warm up drift by 0.2 N, and the peg's weight turns with the carrier. With
+// a zero for each touch 0.5 s longer, at level 2 0.9 s. [s]
+constexpr double kZeroLasts = 2.0;
 constexpr double kPullFree = 5e-4;  // of a free peg [m]
 constexpr double kSpot = 1e-4;      // aside: less is no lateral motion [m]
 constexpr double kSinks = 0.5;      // of scale: a light touch's travel is a quarter of kDeep
@@ -152,7 +155,7 @@ double EdgeSearch::dip(const Mat3& R) const {
   return tipRadius(s_.mechanism.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
 }
 
-// Over a place and rotated there, free; takes the zero again.
+// Over a place and rotated there, free; takes the zero again where it is old.
 void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   const Mat3 now = s_.frame.carrierPose(s_.carrier.target()).R;
   Vec3 up = s_.target().p;
@@ -171,13 +174,16 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
   }
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
+  const ContactSensor& sensor = s_.carrier.sensor();
+  const double age = s_.carrier.last().time - sensor.tare().time;
+  if (age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) return;
   s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   // the edge already rests on something
-  for (int i = 0; s_.carrier.sensor().tareShift() > s_.carrier.sensor().freeShift(); ++i) {
+  for (int i = 0; sensor.tareShift() > sensor.freeShift(); ++i) {
     if (i == kHigher) {
       throw AlignError(AlignFailure::kNotFree,
                        text("%.1f N where the zero is taken, %.1f N are allowed",
-                            s_.carrier.sensor().tareShift(), s_.carrier.sensor().freeShift()));
+                            sensor.tareShift(), sensor.freeShift()));
     }
     over.z() += kRaise * s_.scale.travel;
     s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);

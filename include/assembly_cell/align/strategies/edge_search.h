@@ -18,8 +18,8 @@ class EdgeSearch {
  public:
   explicit EdgeSearch(Search& search);
 
-  /// One touch from above, over `bottom`, with the peg's axes along R in S; the zero is taken there
-  /// first. Adds a reading. Throws AlignError `not_free`, and `wedged` unless `known`.
+  /// One touch from above, over `bottom`, with the peg's axes along R in S; an old zero is taken
+  /// again there first. Adds a reading. Throws AlignError `not_free`, and `wedged` unless `known`.
   void touch(const Eigen::Matrix3d& R);
   /// Adds a light touch as a reading.
   void add(const Touch& touch);
