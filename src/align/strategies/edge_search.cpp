@@ -28,6 +28,9 @@ constexpr int kZeroBlocks = 2;  // of the zero of a touch
 // Of a zero: sensors that warm up drift by 0.2 N, and the peg's weight turns with the carrier. With
 // a zero for each touch 0.5 s longer, at level 2 0.9 s. [s]
 constexpr double kZeroLasts = 2.0;
+// Approach of an edge that isn't pressed: with K = 30 N/mm, a block T and 1 m/s², 1.5 N + K v T +
+// K v²/2a are 7 N. Once: 0.8 s longer. Twice: 14 N.
+constexpr double kFaster = 1.5;
 constexpr double kPullFree = 5e-4;  // of a free peg [m]
 constexpr double kSpot = 1e-4;      // aside: less is no lateral motion [m]
 constexpr double kSinks = 0.5;      // of scale: a light touch's travel is a quarter of kDeep
@@ -193,7 +196,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
 
 void EdgeSearch::touch(const Mat3& R) {
   hover(bottom, R);
-  const std::optional<Touch> light = search_.touch.lower(-1e9);
+  const std::optional<Touch> light = search_.touch.lower(-1e9, kFaster);
   // a peg isn't rotated while the hole holds its edge
   if (light && light->isContact() && !known) search_.touch.refuseWedge(*light, R);
   if (light) keep(*light);
@@ -287,7 +290,7 @@ bool EdgeSearch::drop(int attempt) {
   const Vec3 place = s_.hole.center - behind * ahead + (dip(R) + over) * s_.hole.normal;
   hover(place, R);
   const Vec3 lowest = place - (over + deep + kSure * s_.hole.height_sd) * s_.hole.normal;
-  std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z);
+  std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z, kFaster);
   // where a touch sinks in by about as much, the peg may rest on the face: measured at rest
   if (!light && kSinks * s_.scale.sink > s_.scale.length) {
     const Touch resting = search_.touch.measure();
