@@ -45,7 +45,6 @@ constexpr double kMoreGive = 2.0;    // stiffer or smaller pegs by that take the
 constexpr double kYields = 0.1;      // of a push, when half of the travel into it is taken back
 constexpr double kBack = 3e-4;       // off a wall again [m]
 constexpr double kSlack = 5e-6;      // strain that is none [m]
-constexpr int kRelaxes = 3;          // moves of the carrier after the strain
 constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
 constexpr double kFarthest = 6e-3;   // and at most [m]
 constexpr double kLost = 8e-3;       // travel to a wall at most [m]
@@ -391,20 +390,18 @@ bool EdgeSearch::wall(const Vec3& direction) {
 Vec3 EdgeSearch::relaxed(const Mat3& R) {
   Vec3 at = s_.target().p;
   s_.carrier.wait(s_.scale.timed(kRest));
-  for (int i = 0; i < kRelaxes; ++i) {
-    Vec3 strain = softness(s_, ahead_, R) *
-                  (s_.frame.carrierPose(s_.carrier.last().carrier).R * s_.carrier.force());
-    strain -= s_.hole.normal * s_.hole.normal.dot(strain);
-    if (strain.norm() < kSlack) break;
-    at += strain;
-    s_.carrier.moveTo(s_.frame.restFor(at, R), Move::kNearly);
-    s_.carrier.wait(s_.scale.timed(kRest));
-  }
+  Vec3 strain = softness(s_, ahead_, R) *
+                (s_.frame.carrierPose(s_.carrier.last().carrier).R * s_.carrier.force());
+  strain -= s_.hole.normal * s_.hole.normal.dot(strain);
+  if (strain.norm() < kSlack) return at;
+  at += strain;
+  s_.carrier.moveTo(s_.frame.restFor(at, R), Move::kNearly);
+  s_.carrier.wait(s_.scale.timed(kRest));
   return at;
 }
 
 Vec2 EdgeSearch::pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push) {
-  s_.carrier.moveTo(s_.frame.restFor(p, R));
+  s_.carrier.moveTo(s_.frame.restFor(p, R), Move::kNearly);
   const int n = s_.scale.timed(kRest);
   s_.carrier.wait(n);
   Vec2 sum = Vec2::Zero();
