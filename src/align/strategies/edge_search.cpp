@@ -41,14 +41,18 @@ constexpr double kPush = 0.75;      // sideways: a wall [N]
 // answers late takes half of it: it goes on for as long after the contact. [m]
 constexpr double kSidestep = 2e-4, kLateSidestep = 1e-4;
 constexpr double kOverPush = 2.0, kPushAfter = 1.5;  // of a push: more is relieved, to so much
-constexpr double kMoreGive = 2.0;    // stiffer or smaller pegs by that take the same step
-constexpr double kYields = 0.1;      // of a push, when half of the travel into it is taken back
-constexpr double kBack = 3e-4;       // off a wall again [m]
-constexpr double kSlack = 5e-6;      // strain that is none [m]
-constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
-constexpr double kFarthest = 6e-3;   // and at most [m]
-constexpr double kLost = 8e-3;       // travel to a wall at most [m]
-constexpr double kHopeless = 4.0;    // sd over the reach of an entry: one in thirty gets in
+constexpr double kMoreGive = 2.0;   // stiffer or smaller pegs by that take the same step
+constexpr double kYields = 0.1;     // of a push, when half of the travel into it is taken back
+constexpr double kBack = 3e-4;      // off a wall again [m]
+constexpr double kSlack = 5e-6;     // strain that is none [m]
+constexpr double kBehind = 2.5e-3;  // low edge inside by so much at least when put down [m]
+constexpr double kFarthest = 6e-3;  // and at most [m]
+// Travel to a wall at most. Two thirds: of starts within 15 mm at level 2 one in 20 takes 1 s
+// longer. [m]
+constexpr double kLost = 1.2e-2;
+// Centre's sd up to which an entry is tried, at least. Up to four times its reach: of starts within
+// 15 mm at level 2 one in 20 takes 2.9 s longer. [m]
+constexpr double kEntrySd = 2e-4;
 constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
@@ -91,6 +95,11 @@ Mat3 tiltedTo(const Vec3& normal, double a, double tilt) {
   return rotationToAxis(normal) * tiltRotation(tilt * Vec2(-std::sin(a), std::cos(a)));
 }
 
+Vec3 toHole(const SearchState& s, const Vec3& bottom) {
+  const Vec3 to = s.hole.center - bottom;
+  return to - s.hole.normal * s.hole.normal.dot(to);
+}
+
 EdgeSearch::EdgeSearch(Search& search) : search_(search), s_(search.state) {
   model.peg = s_.mechanism.peg;
   model.hole = s_.mechanism.hole;
@@ -121,8 +130,7 @@ void EdgeSearch::enterByWalls() {
     went_in = true;
     const bool met = walls();
     resolve();
-    if (!met || s_.known.position_sd > kHopeless * std::max(kPlaceSd, search_.entry.reach()))
-      continue;
+    if (!met || s_.known.position_sd > std::max(kEntrySd, search_.entry.reach())) continue;
     if (search_.entry.enter(s_.hole.center)) return;
     bottom = s_.target().p;
     const double spent = s_.carrier.last().time - s_.start_time;
@@ -269,10 +277,8 @@ bool EdgeSearch::isFunnelled() const {
 
 // The low edge into the hole. False where it touches instead, which is kept as a reading.
 bool EdgeSearch::drop(int attempt) {
-  Vec3 to = s_.hole.center - bottom;
-  to -= s_.hole.normal * s_.hole.normal.dot(to);
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const Vec2 flat = axes.transpose() * to;
+  const Vec2 flat = axes.transpose() * toHole(s_, bottom);
   if (attempt == 0 || flat.norm() > kFarthest * s_.scale.length)
     heading_ = std::atan2(flat.y(), flat.x());
   else

@@ -61,6 +61,9 @@ class EdgeSearch {
 /// cell: more for a small peg.
 double moreDrops(const Mechanism& mechanism);
 
+/// From a peg's bottom centre to the hole's, in the plane. [m]
+Eigen::Vector3d toHole(const SearchState& s, const Eigen::Vector3d& bottom);
+
 /// Axes of a peg tilted against the normal, its low side at azimuth a [rad].
 Eigen::Matrix3d tiltedTo(const Eigen::Vector3d& normal, double a, double tilt);
 
