@@ -40,7 +40,11 @@ constexpr double kCircle = 1e-3;     // and the tolerance of its circle
 constexpr int kHeldBisections = 14;  // of a step, for the highest circle inside the bore
 constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, at any carrier pose [m]
-constexpr double kOutlier = 16.0;    // squared residual beyond which a reading counts less
+// Of where moves end, before any touch: few touches have hardly a degree of freedom. Without it the
+// stated variance of the centre is two thirds of its error's at level 2. [m]
+constexpr double kMoveSd = 3e-5, kPriorMoves = 3.0;
+constexpr double kSecondSd = 1e-4;  // of the heights of two points that a peg rests on [m]
+constexpr double kOutlier = 16.0;   // squared residual beyond which a reading counts less
 
 // Of a point of the peg's edge from its axis, peg axes.
 using Direction = Vec2;
@@ -110,6 +114,21 @@ struct Edge {
       return low + (b < a ? -b : a);
     }
     return {};
+  }
+
+  // Height of the second of two points on the rim over the first, on both sides of the lowest one.
+  // On the face there is one: as if the second were at the height of the axis. [m]
+  double second() const {
+    const double none = r * rise.norm();
+    if (!inside(lowest)) return none;
+    std::array<double, 2> heights{};
+    for (const int side : {1, -1}) {
+      int i = 1;
+      while (i < kMarch && inside(direction(low + side * M_PI * i / kMarch))) ++i;
+      if (i == kMarch) return none;
+      heights[side > 0 ? 0 : 1] = height(direction(low + side * crossing(side, i)));
+    }
+    return std::abs(heights[0] - heights[1]);
   }
 
   std::optional<double> touchOnChamfer() const {
@@ -190,6 +209,7 @@ struct Expected {
   double residual, azimuth, radius;
   bool rests = true;
   double height = 0.0;  // over the peg's bottom
+  double second = 0.0;  // see Edge::second(), of a touch on two points
 };
 
 Expected expectedOf(const TouchReading& reading, const Edge& edge) {
@@ -199,7 +219,9 @@ Expected expectedOf(const TouchReading& reading, const Edge& edge) {
   const double gap = at ? edge.over(*at) : edge.height(-edge.lowest);
   if (reading.kind == TouchReading::kFree)
     return {std::min({0.0, gap, -edge.reach()}), 0.0, edge.r, at.has_value()};
-  return {gap, at.value_or(edge.low), edge.r, at.has_value()};
+  Expected found{gap, at.value_or(edge.low), edge.r, at.has_value()};
+  if (reading.on_two) found.second = edge.second();
+  return found;
 }
 
 // By the circle of the peg's chamfer that is nearest to the block. All of its circles are on the
@@ -281,7 +303,7 @@ class Posterior {
   Posterior(const TouchModel& model, const std::vector<TouchReading>& readings, double height)
       : model_(model), readings_(readings), height_(height) {
     count_ = kUnknowns;
-    for (const TouchReading& r : readings) count_ += r.point ? 3 : 1;
+    for (const TouchReading& r : readings) count_ += residualsOf(r);
   }
   int count() const { return count_; }
 
@@ -296,11 +318,11 @@ class Posterior {
         squares += std::pow(z(n) * reading.sd, 2);
         free += 1.0 - (J.row(n) * covariance * J.row(n).transpose()).value();
       }
-      n += reading.point ? 3 : 1;
+      n += residualsOf(reading);
     }
     // the mean of 1/χ² is that of two degrees of freedom less
     const double of_moves = std::max(0.0, squares - free * kTouchSd * kTouchSd);
-    return of_moves / std::max(1.0, free - 2.0);
+    return (of_moves + kPriorMoves * kMoveSd * kMoveSd) / std::max(1.0, free + kPriorMoves - 2.0);
   }
 
   std::vector<Expected> expected(const Unknowns& x) const {
@@ -334,6 +356,7 @@ class Posterior {
   }
 
  private:
+  static int residualsOf(const TouchReading& r) { return 1 + (r.point ? 2 : 0) + r.on_two; }
   static double robust(double z) { return z / std::sqrt(1.0 + z * z / kOutlier); }
 
   Eigen::VectorXd residuals(const Unknowns& x, const std::vector<Expected>& expected) const {
@@ -343,6 +366,7 @@ class Posterior {
       const TouchReading& reading = readings_[i];
       const Expected& here = expected[i];
       out(n++) = robust(here.residual / reading.sd);
+      if (reading.on_two) out(n++) = robust(here.second / kSecondSd);
       if (!reading.point) continue;
       const Vec2 at = *reading.point + here.height * reading.lean;
       const Vec2 off = at - here.radius * direction(here.azimuth) - x.tail<2>();
@@ -412,15 +436,23 @@ Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& 
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Vec3 b = Vec3::Zero();
   int n = 0;
-  for (const TouchReading& r : readings) {
-    if (r.kind != TouchReading::kEdge || !r.point) continue;
-    // the point itself may be off by the sensor's offset: that on the edge next to it
-    const Vec2 on = tipRadius(model.peg) * r.point->normalized();
+  const auto add = [&](const TouchReading& r, const Vec2& toward) {
+    const Vec2 on = tipRadius(model.peg) * toward.normalized();
     const Vec3 p = r.X_SP.R * Vec3(on.x(), on.y(), 0.0) + r.X_SP.p;
     const Vec3 row(p.x(), p.y(), 1.0);
     A += row * row.transpose();
     b += row * p.z();
     ++n;
+  };
+  for (const TouchReading& r : readings) {
+    if (r.kind != TouchReading::kEdge) continue;
+    // the point itself may be off by the sensor's offset: that on the edge next to it
+    if (r.point) add(r, *r.point);
+    if (!r.on_two) continue;
+    // two circles of nearly one size cross at right angles to the lowest point
+    const Vec2 side(r.X_SP.R(2, 1), -r.X_SP.R(2, 0));
+    add(r, side);
+    add(r, -side);
   }
   const Eigen::FullPivLU<Eigen::Matrix3d> lu(A);
   if (n < 3 || !lu.isInvertible()) {
@@ -447,16 +479,23 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
     Unknowns x;
   };
   std::vector<Start> starts;
+  const auto start = [&](const Vec2& center) {
+    Unknowns x = plane;
+    x.segment<2>(3) = center;
+    starts.push_back({posterior(x).squaredNorm(), x});
+  };
   const double reach = kGridReach * model.position_sd;
   const double steps = 2.0 * reach / (kGridStep * model.peg.radius);
   const int grid = static_cast<int>(std::clamp<double>(std::ceil(steps) + 1, kGrid, kMaxGrid));
   for (int i = 0; i < grid; ++i) {
     for (int k = 0; k < grid; ++k) {
       const Vec2 off(2.0 * i / (grid - 1) - 1.0, 2.0 * k / (grid - 1) - 1.0);
-      Unknowns x = plane;
-      x.segment<2>(3) = model.start + reach * off;
-      starts.push_back({posterior(x).squaredNorm(), x});
+      start(model.start + reach * off);
     }
+  }
+  // Walls make a minimum that is narrower than the grid, near the peg that touches them.
+  for (const TouchReading& r : readings) {
+    if (r.kind != TouchReading::kEdge) start(r.X_SP.p.head<2>());
   }
   std::partial_sort(starts.begin(), starts.begin() + kStarts, starts.end(),
                     [](const Start& a, const Start& b) { return a.cost < b.cost; });

@@ -36,11 +36,11 @@ Touch LightTouch::measure() {
   return touch;
 }
 
-std::optional<Touch> LightTouch::lower(double floor) {
+std::optional<Touch> LightTouch::lower(double floor, double faster) {
   Touch touch;
   for (int vanished = 0, swings = 0;
        vanished < kVanished && swings < kSwings && !touch.isContact();) {
-    if (!s_.press.approach(floor)) return {};
+    if (!s_.press.approach(floor, faster)) return {};
     touch = measure();
     ++(touch.isGone() ? swings : vanished);
   }

@@ -41,10 +41,13 @@ PressController::PressController(GuardedCarrier& carrier)
     : carrier_(carrier),
       stiffness_(kFirstStiffness * carrier.limits().scale.force / carrier.limits().scale.sink) {}
 
-bool PressController::approach(double floor) {
+bool PressController::approach(double floor, double faster) {
   // descend a little every block until the first touch; a steep one hardly pushes up
   const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
-  const double step = carrier_.limits().approach_step;
+  // not one that answers late, which goes on for as long after the contact, nor in a stiff coupling
+  const Scale& scale = carrier_.limits().scale;
+  const double most = carrier_.delay.slowing() < 1.0 ? 1.0 : faster * scale.sink / scale.step;
+  const double step = carrier_.limits().approach_step * std::clamp(most, 1.0, faster);
   RestPose target = carrier_.target();
   delay_.begin(target.z, carrier_.last().time);
   while (carrier_.force().norm() < touch &&

@@ -24,7 +24,13 @@ constexpr double kOver = 3e-4;  // lowest point over the plane before a descent 
 // Before a touch: the swing that is left moves the zero by less than 0.01 mm of the peg, where a
 // move ends within kPlaceSd. With the rest of a first zero 0.4 s longer, at level 2 1.2 s.
 constexpr Rest kNearlyAtRest{0.1, 2};
-constexpr int kZeroBlocks = 2;      // of the zero of a touch
+constexpr int kZeroBlocks = 2;  // of the zero of a touch
+// Of a zero: sensors that warm up drift by 0.2 N, and the peg's weight turns with the carrier. With
+// a zero for each touch 0.5 s longer, at level 2 0.9 s. [s]
+constexpr double kZeroLasts = 2.0;
+// Approach of an edge that isn't pressed: with K = 30 N/mm, a block T and 1 m/s², 1.5 N + K v T +
+// K v²/2a are 7 N. Once: 0.8 s longer. Twice: 14 N.
+constexpr double kFaster = 1.5;
 constexpr double kPullFree = 5e-4;  // of a free peg [m]
 constexpr double kSpot = 1e-4;      // aside: less is no lateral motion [m]
 constexpr double kSinks = 0.5;      // of scale: a light touch's travel is a quarter of kDeep
@@ -34,16 +40,19 @@ constexpr double kPush = 0.75;      // sideways: a wall [N]
 // Of a step down before a contact, a step to a wall. Half: near starts take 0.35 s longer.
 constexpr double kSidestep = 2.0;
 constexpr double kOverPush = 2.0, kPushAfter = 1.5;  // of a push: more is relieved, to so much
-constexpr double kMoreGive = 2.0;    // stiffer or smaller pegs by that take the same step
-constexpr int kAdjusts = 4;          // of a late carrier's push
-constexpr double kYields = 0.1;      // of a push, when half of the travel into it is taken back
-constexpr double kBack = 3e-4;       // off a wall again [m]
-constexpr double kSlack = 5e-6;      // strain that is none [m]
-constexpr int kRelaxes = 3;          // moves of the carrier after the strain
-constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
-constexpr double kFarthest = 6e-3;   // and at most [m]
-constexpr double kLost = 8e-3;       // travel to a wall at most [m]
-constexpr double kHopeless = 4.0;    // sd over the reach of an entry: one in thirty gets in
+constexpr double kMoreGive = 2.0;   // stiffer or smaller pegs by that take the same step
+constexpr int kAdjusts = 4;         // of a late carrier's push
+constexpr double kYields = 0.1;     // of a push, when half of the travel into it is taken back
+constexpr double kBack = 3e-4;      // off a wall again [m]
+constexpr double kSlack = 5e-6;     // strain that is none [m]
+constexpr double kBehind = 2.5e-3;  // low edge inside by so much at least when put down [m]
+constexpr double kFarthest = 6e-3;  // and at most [m]
+// Travel to a wall at most. Two thirds: of starts within 15 mm at level 2 one in 20 takes 1 s
+// longer. [m]
+constexpr double kLost = 1.2e-2;
+// Centre's sd up to which an entry is tried, at least. Up to four times its reach: of starts within
+// 15 mm at level 2 one in 20 takes 2.9 s longer. [m]
+constexpr double kEntrySd = 2e-4;
 constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
@@ -86,6 +95,11 @@ Mat3 tiltedTo(const Vec3& normal, double a, double tilt) {
   return rotationToAxis(normal) * tiltRotation(tilt * Vec2(-std::sin(a), std::cos(a)));
 }
 
+Vec3 toHole(const SearchState& s, const Vec3& bottom) {
+  const Vec3 to = s.hole.center - bottom;
+  return to - s.hole.normal * s.hole.normal.dot(to);
+}
+
 EdgeSearch::EdgeSearch(Search& search) : search_(search), s_(search.state) {
   model.peg = s_.mechanism.peg;
   model.hole = s_.mechanism.hole;
@@ -116,8 +130,7 @@ void EdgeSearch::enterByWalls() {
     went_in = true;
     const bool met = walls();
     resolve();
-    if (!met || s_.known.position_sd > kHopeless * std::max(kPlaceSd, search_.entry.reach()))
-      continue;
+    if (!met || s_.known.position_sd > std::max(kEntrySd, search_.entry.reach())) continue;
     if (search_.entry.enter(s_.hole.center)) return;
     bottom = s_.target().p;
     const double spent = s_.carrier.last().time - s_.start_time;
@@ -138,9 +151,10 @@ void EdgeSearch::add(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
-  // on two points, as in a cone, its line of action is between them
+  // on two points, on the rim or in a cone, its line of action is between them
   const bool chamfered = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width > 0.0;
-  if (!light.isSteep() && !(chamfered && light.straddles())) reading.point = light.point;
+  reading.on_two = !chamfered && !light.isSteep() && light.straddles();
+  if (!light.isSteep() && !light.straddles()) reading.point = light.point;
   reading.lean = light.lean;
   readings.push_back(reading);
 }
@@ -151,7 +165,7 @@ double EdgeSearch::dip(const Mat3& R) const {
   return tipRadius(s_.mechanism.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
 }
 
-// Over a place and rotated there, free; takes the zero again.
+// Over a place and rotated there, free; takes the zero again where it is old.
 void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   const Mat3 now = s_.frame.carrierPose(s_.carrier.target()).R;
   Vec3 up = s_.target().p;
@@ -170,13 +184,16 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
   }
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
+  const ContactSensor& sensor = s_.carrier.sensor();
+  const double age = s_.carrier.last().time - sensor.tare().time;
+  if (age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) return;
   s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   // the edge already rests on something
-  for (int i = 0; s_.carrier.sensor().tareShift() > s_.carrier.sensor().freeShift(); ++i) {
+  for (int i = 0; sensor.tareShift() > sensor.freeShift(); ++i) {
     if (i == kHigher) {
       throw AlignError(AlignFailure::kNotFree,
                        text("%.1f N where the zero is taken, %.1f N are allowed",
-                            s_.carrier.sensor().tareShift(), s_.carrier.sensor().freeShift()));
+                            sensor.tareShift(), sensor.freeShift()));
     }
     over.z() += kRaise * s_.scale.travel;
     s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
@@ -186,7 +203,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
 
 void EdgeSearch::touch(const Mat3& R) {
   hover(bottom, R);
-  const std::optional<Touch> light = search_.touch.lower(-1e9);
+  const std::optional<Touch> light = search_.touch.lower(-1e9, kFaster);
   // a peg isn't rotated while the hole holds its edge
   if (light && light->isContact() && !known) search_.touch.refuseWedge(*light, R);
   if (light) keep(*light);
@@ -260,10 +277,8 @@ bool EdgeSearch::isFunnelled() const {
 
 // The low edge into the hole. False where it touches instead, which is kept as a reading.
 bool EdgeSearch::drop(int attempt) {
-  Vec3 to = s_.hole.center - bottom;
-  to -= s_.hole.normal * s_.hole.normal.dot(to);
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const Vec2 flat = axes.transpose() * to;
+  const Vec2 flat = axes.transpose() * toHole(s_, bottom);
   if (attempt == 0 || flat.norm() > kFarthest * s_.scale.length)
     heading_ = std::atan2(flat.y(), flat.x());
   else
@@ -280,7 +295,7 @@ bool EdgeSearch::drop(int attempt) {
   const Vec3 place = s_.hole.center - behind * ahead + (dip(R) + over) * s_.hole.normal;
   hover(place, R);
   const Vec3 lowest = place - (over + deep + kSure * s_.hole.height_sd) * s_.hole.normal;
-  std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z);
+  std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z, kFaster);
   // where a touch sinks in by about as much, the peg may rest on the face: measured at rest
   if (!light && kSinks * s_.scale.sink > s_.scale.length) {
     const Touch resting = search_.touch.measure();
@@ -387,20 +402,18 @@ bool EdgeSearch::wall(const Vec3& direction) {
 Vec3 EdgeSearch::relaxed(const Mat3& R) {
   Vec3 at = s_.target().p;
   s_.carrier.wait(s_.scale.timed(kRest));
-  for (int i = 0; i < kRelaxes; ++i) {
-    Vec3 strain = softness(s_, ahead_, R) *
-                  (s_.frame.carrierPose(s_.carrier.last().carrier).R * s_.carrier.force());
-    strain -= s_.hole.normal * s_.hole.normal.dot(strain);
-    if (strain.norm() < kSlack) break;
-    at += strain;
-    s_.carrier.moveTo(s_.frame.restFor(at, R), Move::kNearly);
-    s_.carrier.wait(s_.scale.timed(kRest));
-  }
+  Vec3 strain = softness(s_, ahead_, R) *
+                (s_.frame.carrierPose(s_.carrier.last().carrier).R * s_.carrier.force());
+  strain -= s_.hole.normal * s_.hole.normal.dot(strain);
+  if (strain.norm() < kSlack) return at;
+  at += strain;
+  s_.carrier.moveTo(s_.frame.restFor(at, R), Move::kNearly);
+  s_.carrier.wait(s_.scale.timed(kRest));
   return at;
 }
 
 Vec2 EdgeSearch::pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push) {
-  s_.carrier.moveTo(s_.frame.restFor(p, R));
+  s_.carrier.moveTo(s_.frame.restFor(p, R), Move::kNearly);
   const int n = s_.scale.timed(kRest);
   s_.carrier.wait(n);
   Vec2 sum = Vec2::Zero();

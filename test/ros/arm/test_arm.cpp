@@ -242,7 +242,7 @@ TEST_F(Bridge, BeginsWhereTheArmIsAndMovesToWhereItIsSent) {
     ASSERT_LT((X.p - before.p).norm(), 1e-5);
   }
   go(at(0.01, 0.005, -0.002));
-  blocks(30);
+  blocks(40);
   EXPECT_LT((carrier().p - Eigen::Vector3d(0.01, 0.005, -0.002)).norm(), 1e-6);
   // its pose has the stamp of the samples
   const auto pose = poses_.last();

@@ -23,6 +23,8 @@ struct TouchReading {
   double sd = 0.0;  ///< of the peg's position along the touch [m]
   /// Where the line of action crosses the bottom, peg axes [m]; the sensor's own offset included.
   std::optional<Eigen::Vector2d> point;
+  /// A sharp edge from above rests on the rim at two points, on both sides of its lowest one.
+  bool on_two = false;
   /// Lateral slope of that line, aside over up, peg axes; only a chamfered peg is touched above its
   /// bottom.
   Eigen::Vector2d lean = Eigen::Vector2d::Zero();
@@ -58,8 +60,8 @@ struct TouchFit {
 };
 
 /// Maximum a posteriori, from the best of a grid of centres: two circles of nearly one size cross
-/// in places that several centres explain. Needs three edge readings with points that don't lie on
-/// a line; throws InputError otherwise.
+/// in places that several centres explain. Needs three edge readings whose points don't lie on a
+/// line; throws InputError otherwise.
 TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings);
 
 /// Residual of a reading for a given hole, in metres: gap between edge and block outside the bore

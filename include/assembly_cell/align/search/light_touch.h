@@ -41,7 +41,8 @@ class LightTouch {
 
   /// Lowers to a contact that stays at rest; a swinging peg only seems to touch. Nothing when the
   /// rest height `floor` [m] was reached without one; not isContact() where each touch vanished.
-  std::optional<Touch> lower(double floor);
+  /// `faster`: see PressController::approach().
+  std::optional<Touch> lower(double floor, double faster = 1.0);
   /// The contact of the peg where it is, at rest.
   Touch measure();
   /// Throws AlignError `wedged` for a peg tilted by R at a steep contact or one that vanished.

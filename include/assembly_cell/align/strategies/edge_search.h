@@ -18,8 +18,8 @@ class EdgeSearch {
  public:
   explicit EdgeSearch(Search& search);
 
-  /// One touch from above, over `bottom`, with the peg's axes along R in S; the zero is taken there
-  /// first. Adds a reading. Throws AlignError `not_free`, and `wedged` unless `known`.
+  /// One touch from above, over `bottom`, with the peg's axes along R in S; an old zero is taken
+  /// again there first. Adds a reading. Throws AlignError `not_free`, and `wedged` unless `known`.
   void touch(const Eigen::Matrix3d& R);
   /// Adds a light touch as a reading.
   void add(const Touch& touch);
@@ -60,6 +60,9 @@ class EdgeSearch {
 /// Tries to put the edge into a hole somewhere in the region of starts, over those of the default
 /// cell: more for a small peg.
 double moreDrops(const Mechanism& mechanism);
+
+/// From a peg's bottom centre to the hole's, in the plane. [m]
+Eigen::Vector3d toHole(const SearchState& s, const Eigen::Vector3d& bottom);
 
 /// Axes of a peg tilted against the normal, its low side at azimuth a [rad].
 Eigen::Matrix3d tiltedTo(const Eigen::Vector3d& normal, double a, double tilt);
