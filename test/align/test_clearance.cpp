@@ -81,8 +81,8 @@ TEST(Clearance, AlignsWhereTheDrawnOneIsWrong) {
           const double off = trial.result.clearance.mean - factor * drawn;
           EXPECT_LT(std::abs(off), 4.0 * trial.result.clearance.sd)
               << drawn << " " << factor << " " << rough << " " << trial.result.clearance.mean;
-          // level 2 ends its moves 30 um off
-          EXPECT_LT(trial.result.clearance.sd, rough ? 4e-5 : 2e-5);
+          // level 2 ends its moves 30 um off, which a few touches do not rule out elsewhere
+          EXPECT_LT(trial.result.clearance.sd, rough ? 4e-5 : 3e-5);
         }
       }
     }

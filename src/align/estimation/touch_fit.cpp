@@ -442,10 +442,10 @@ Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& 
     const Vec3 row(p.x(), p.y(), 1.0);
     A += row * row.transpose();
     b += row * p.z();
-    ++n;
   };
   for (const TouchReading& r : readings) {
-    if (r.kind != TouchReading::kEdge) continue;
+    if (r.kind != TouchReading::kEdge || (!r.point && !r.on_two)) continue;
+    ++n;
     // the point itself may be off by the sensor's offset: that on the edge next to it
     if (r.point) add(r, *r.point);
     if (!r.on_two) continue;
