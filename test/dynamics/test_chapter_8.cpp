@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // The runs of the thesis's Chapter 8, as files of config/scenarios: what they give, which of the
-// thesis's trends hold and which do not. Numbers of docs/results/validation.md.
+// thesis's trends hold and which do not. Numbers of docs/results/tables/validation.md.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -36,7 +36,7 @@ Impact run(const std::string& name, const std::vector<std::string>& overrides = 
   return out;
 }
 
-// Half of the last digit that docs/results/validation.md lists [mm].
+// Half of the last digit of the references in scripts/results/validate [mm].
 constexpr double kListed = 0.05;
 // The independent reference of benchmark/, through up to 145 events; half of the last digit [mm].
 constexpr double kManyEvents = 6e-4;

@@ -30,7 +30,7 @@ TEST(Dynamics, FreeFlightHasItsClosedForm) {
   Simulation sim(s);
   for (const double t : {0.005, 0.010, 0.015, 0.020}) {
     ASSERT_EQ(sim.advance(t), StopReason::kOk);
-    // the tilt turns a little on the way: docs/results/validation.md states 7e-7 mm for it
+    // the tilt turns a little on the way: docs/results/tables/validation.md has the deviation
     EXPECT_NEAR(sim.state().q(0), s.initial.position.z() - X * (1 - std::cos(w * t)), 8e-10) << t;
     EXPECT_EQ(sim.time(), t);
   }

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Error of the position against tolerance and evaluations through impact, stick and slip under the
 // rigid law, against the independent simulation in extended precision: falls as the method's
-// order. Prints the table of docs/results/benchmarks.md's slopes for the two scenes.
+// order. Prints the slopes for the two scenes.
 #include <gtest/gtest.h>
 
 #include <algorithm>
