@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/input_error.h"
@@ -53,6 +55,7 @@ constexpr double kLost = 1.2e-2;
 // Centre's sd up to which an entry is tried, at least. Up to four times its reach: of starts within
 // 15 mm at level 2 one in 20 takes 2.9 s longer. [m]
 constexpr double kEntrySd = 2e-4;
+constexpr int kWithoutWall = 2;      // places without a wall: the touches were misread
 constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
@@ -116,6 +119,7 @@ double moreDrops(const Mechanism& mechanism) {
 void EdgeSearch::enterByWalls() {
   const int drops = static_cast<int>(std::lround(kDrops * moreDrops(s_.mechanism)));
   bool went_in = false;
+  int without_wall = 0;  // one after another
   for (int i = 0; i < drops; ++i) {
     if (isFunnelled()) {
       funnelled_ = s_.hole.center;
@@ -130,6 +134,13 @@ void EdgeSearch::enterByWalls() {
     went_in = true;
     const bool met = walls();
     resolve();
+    without_wall = met ? 0 : without_wall + 1;
+    if (without_wall == kWithoutWall) {
+      known = false;
+      throw AlignError(AlignFailure::kNoPlaneReading,
+                       text("no wall beside the edge, %d times where it went down without a touch",
+                            kWithoutWall));
+    }
     if (!met || s_.known.position_sd > std::max(kEntrySd, search_.entry.reach())) continue;
     if (search_.entry.enter(s_.hole.center)) return;
     bottom = s_.target().p;
@@ -151,10 +162,10 @@ void EdgeSearch::add(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
-  // on two points, on the rim or in a cone, its line of action is between them
+  // on two points in a cone its line of action is between them, and on the rim, or seems to be
   const bool chamfered = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width > 0.0;
   reading.on_two = !chamfered && !light.isSteep() && light.straddles();
-  if (!light.isSteep() && !light.straddles()) reading.point = light.point;
+  if (!light.isSteep() && !(chamfered && light.straddles())) reading.point = light.point;
   reading.lean = light.lean;
   readings.push_back(reading);
 }
@@ -231,16 +242,36 @@ void EdgeSearch::keep(const Touch& light) {
                           light.point.norm() * 1e3));
 }
 
+// A line of action between two points of the rim may be that of one, by a sensor's error: what
+// explains the touches better.
+TouchFit EdgeSearch::fitReadings() const {
+  TouchFit best;
+  std::string why;
+  for (const bool on_two : {false, true}) {
+    std::vector<TouchReading> as = readings;
+    for (TouchReading& reading : as) {
+      if (reading.on_two && on_two) reading.point.reset();
+      reading.on_two = reading.on_two && on_two;
+    }
+    try {
+      const TouchFit fit = fitTouches(model, as);
+      if (best.residuals == 0 || fit.chi2 * best.residuals < best.chi2 * fit.residuals) best = fit;
+    } catch (const InputError& error) {
+      why = error.what();
+    }
+    if (std::none_of(readings.begin(), readings.end(), [](const auto& r) { return r.on_two; })) {
+      break;
+    }
+  }
+  if (best.residuals == 0) throw AlignError(AlignFailure::kNoPlaneReading, why);
+  return best;
+}
+
 void EdgeSearch::resolve() {
   // the walls of a bore that it has been in count as much as all touches
   model.hole.radius = s_.mechanism.peg.radius + search_.entry.clearance_prior.mean;
   model.radius_sd = search_.entry.clearance_prior.sd;
-  TouchFit fit;
-  try {
-    fit = fitTouches(model, readings);
-  } catch (const InputError& error) {
-    throw AlignError(AlignFailure::kNoPlaneReading, error.what());
-  }
+  const TouchFit fit = fitReadings();
   if (!known && fit.chi2 > kContradict * fit.residuals) {
     throw AlignError(
         AlignFailure::kNoPlaneReading,

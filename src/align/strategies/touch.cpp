@@ -1,8 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
 #include <cmath>
 
 #include "assembly_cell/align/strategies/edge_search.h"
 #include "assembly_cell/align/strategies/strategies.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 namespace {
@@ -14,6 +16,8 @@ constexpr int kRound = 3;  // touches of a round
 // the sd: 0.4 s longer, at level 2 1.5 s; twice: one of 80 starts takes 32 s. Twice the distance:
 // 0.3 s longer for near starts; half: the same. [m]
 constexpr double kDirected = 1.4e-3, kDirectedSd = 2.5e-3;
+// Of the face's tilt, whose touches contradict one another beyond: level 3 has 0.4 degrees. [rad]
+constexpr double kTiltSd = 0.02;
 constexpr int kAttempts = 4;        // from where the peg came free again
 constexpr double kMoreTilt = 0.01;  // while the plane is unknown [rad]
 constexpr double kRetreat = 8e-3;   // above where an attempt failed [m]
@@ -34,10 +38,14 @@ bool isRecoverable(AlignFailure failure) {
   }
 }
 
+bool isPlaneKnown(const SearchState& s) {
+  return s.known.rotation_sd * std::min(1.0, s.scale.length) < kTiltSd;
+}
+
 // The low edge goes into a hole that is in about its direction, however far; walls measure the
 // rest. A hole that seems to be below the peg may be far off, where the plane explains the touches.
 bool isDirectionKnown(const Vec3& to, const SearchState& s) {
-  return to.norm() > kDirected * s.scale.length &&
+  return isPlaneKnown(s) && to.norm() > kDirected * s.scale.length &&
          s.known.position_sd < kDirectedSd * s.scale.length;
 }
 
@@ -54,6 +62,10 @@ void survey(EdgeSearch& edge, const SearchState& s) {
     const double a = std::atan2(to.y(), to.x()) + 2 * M_PI * i / kRound;
     edge.touch(tiltedTo(s.hole.normal, a, s.p.contact_tilt));
     edge.resolve();
+  }
+  if (!isPlaneKnown(s)) {
+    throw AlignError(AlignFailure::kNoPlaneReading,
+                     text("touches know the face's tilt to %.2g rad only", s.known.rotation_sd));
   }
   edge.known = true;
 }
