@@ -44,9 +44,11 @@ PressController::PressController(GuardedCarrier& carrier)
 bool PressController::approach(double floor, double faster) {
   // descend a little every block until the first touch; a steep one hardly pushes up
   const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
-  // not one that answers late, which goes on for as long after the contact, nor in a stiff coupling
+  // not an arm nor one that answers late, which go on for as long after the contact, nor in a stiff
+  // coupling
   const Scale& scale = carrier_.limits().scale;
-  const double most = carrier_.delay.slowing() < 1.0 ? 1.0 : faster * scale.sink / scale.step;
+  const bool late = carrier_.limits().arm_delay > 0.0 || carrier_.delay.slowing() < 1.0;
+  const double most = late ? 1.0 : faster * scale.sink / scale.step;
   const double step = carrier_.limits().approach_step * std::clamp(most, 1.0, faster);
   RestPose target = carrier_.target();
   delay_.begin(target.z, carrier_.last().time);

@@ -16,8 +16,7 @@ namespace assembly_cell {
 struct CarrierDelay {
   /// So many steps is a carrier behind that follows at once.
   static constexpr int kPrompt = 1;
-  static constexpr int kPromptAnswer = 3;  ///< steps until it moves
-  static constexpr int kMost = 25;         ///< 0.5 s
+  static constexpr int kMost = 25;  ///< 0.5 s
 
   int steps = kPrompt;    ///< of its full speed that a descent is behind, the most so far
   int answer = 0;         ///< from a command until it moves, the most so far
@@ -29,10 +28,8 @@ struct CarrierDelay {
   /// Factor of the speed before a contact and of the gains in contact: a late carrier then goes as
   /// far after a contact as one that follows at once, for which it is 1.
   double slowing() const { return (kPrompt + 1.0) / (steps + 1.0); }
-  /// Factor of the time limits.
-  double longer() const {
-    return std::max(1.0, static_cast<double>(std::max(steps, answer)) / kPromptAnswer);
-  }
+  /// Factor of the time limits: a move is complete a step after its answer.
+  double longer() const { return (std::max(steps, answer - 1) + 1.0) / (kPrompt + 1.0); }
   /// That of an arm which reacts so long after a contact [s], half a step later than it moves. A
   /// descent that slows down as it finds itself behind, is 2·sqrt(n) - 1 steps behind after n.
   static CarrierDelay ofArm(double reaction) {
