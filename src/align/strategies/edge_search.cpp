@@ -79,6 +79,31 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
 }
 
+// A line of action between two points of the rim may be that of one, by a sensor's error: what
+// explains the touches better.
+TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& readings) {
+  TouchFit best;
+  std::string why;
+  for (const bool on_two : {false, true}) {
+    std::vector<TouchReading> as = readings;
+    for (TouchReading& reading : as) {
+      if (reading.on_two && on_two) reading.point.reset();
+      reading.on_two = reading.on_two && on_two;
+    }
+    try {
+      const TouchFit fit = fitTouches(model, as);
+      if (best.residuals == 0 || fit.chi2 * best.residuals < best.chi2 * fit.residuals) best = fit;
+    } catch (const InputError& error) {
+      why = error.what();
+    }
+    if (std::none_of(readings.begin(), readings.end(), [](const auto& r) { return r.on_two; })) {
+      break;
+    }
+  }
+  if (best.residuals == 0) throw AlignError(AlignFailure::kNoPlaneReading, why);
+  return best;
+}
+
 // No place lets the peg in, and by the touches the peg is larger than the hole.
 void refuseTooTight(const Clearance& clearance, int touches) {
   if (clearance.mean > 0.0) return;
@@ -197,7 +222,11 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
   const ContactSensor& sensor = s_.carrier.sensor();
   const double age = s_.carrier.last().time - sensor.tare().time;
-  if (age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) return;
+  // a carrier that is late, or may be before its first descent, is still on its way
+  const bool is_prompt = !readings.empty() && s_.carrier.delay.slowing() == 1.0;
+  if (is_prompt && age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) {
+    return;
+  }
   s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   // the edge already rests on something
   for (int i = 0; sensor.tareShift() > sensor.freeShift(); ++i) {
@@ -242,36 +271,11 @@ void EdgeSearch::keep(const Touch& light) {
                           light.point.norm() * 1e3));
 }
 
-// A line of action between two points of the rim may be that of one, by a sensor's error: what
-// explains the touches better.
-TouchFit EdgeSearch::fitReadings() const {
-  TouchFit best;
-  std::string why;
-  for (const bool on_two : {false, true}) {
-    std::vector<TouchReading> as = readings;
-    for (TouchReading& reading : as) {
-      if (reading.on_two && on_two) reading.point.reset();
-      reading.on_two = reading.on_two && on_two;
-    }
-    try {
-      const TouchFit fit = fitTouches(model, as);
-      if (best.residuals == 0 || fit.chi2 * best.residuals < best.chi2 * fit.residuals) best = fit;
-    } catch (const InputError& error) {
-      why = error.what();
-    }
-    if (std::none_of(readings.begin(), readings.end(), [](const auto& r) { return r.on_two; })) {
-      break;
-    }
-  }
-  if (best.residuals == 0) throw AlignError(AlignFailure::kNoPlaneReading, why);
-  return best;
-}
-
 void EdgeSearch::resolve() {
   // the walls of a bore that it has been in count as much as all touches
   model.hole.radius = s_.mechanism.peg.radius + search_.entry.clearance_prior.mean;
   model.radius_sd = search_.entry.clearance_prior.sd;
-  const TouchFit fit = fitReadings();
+  const TouchFit fit = fitReadings(model, readings);
   if (!known && fit.chi2 > kContradict * fit.residuals) {
     throw AlignError(
         AlignFailure::kNoPlaneReading,

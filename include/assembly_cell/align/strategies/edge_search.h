@@ -42,7 +42,6 @@ class EdgeSearch {
   void hover(const Eigen::Vector3d& place, const Eigen::Matrix3d& R);
   void liftOut(const Eigen::Matrix3d& R);
   void keep(const Touch& light);
-  TouchFit fitReadings() const;
   bool isFunnelled() const;
   bool drop(int attempt);
   bool walls();
