@@ -30,8 +30,9 @@ def draw(options):
             expected = [(value, float(row["expected [N]"])) for value, row in zip(x, rows) if row["expected [N]"] != "–"]
             if expected and number == 0:
                 force.plot(*zip(*expected), "k--", label="expected of a touch")
-            force.set(xlabel=of, xscale="log", xticks=x, xticklabels=[f"{value:g}" for value in x])
-            force.minorticks_off()
+            if number == 0:
+                force.set(xlabel=of, xscale="log", xticks=x, xticklabels=[f"{value:g}" for value in x])
+                force.minorticks_off()
     for label, line, limits in zip(("succeeded [%]", "time [s]", "force [N]"), panels, ((-3, 103), (0, None), (0, None))):
         line[0].set_ylabel(label)
         for axes in line:
