@@ -222,11 +222,10 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
   const ContactSensor& sensor = s_.carrier.sensor();
   const double age = s_.carrier.last().time - sensor.tare().time;
-  // a carrier that is late, or may be before its first descent, is still on its way
-  const bool is_prompt = !readings.empty() && s_.carrier.delay.slowing() == 1.0;
-  if (is_prompt && age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) {
-    return;
-  }
+  // an arm that is late, or may be before its first descent, is still on its way
+  const bool late =
+      s_.carrier.delay.slowing() < 1.0 || (readings.empty() && s_.carrier.limits().arm_delay > 0.0);
+  if (!late && age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) return;
   s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
   // the edge already rests on something
   for (int i = 0; sensor.tareShift() > sensor.freeShift(); ++i) {
