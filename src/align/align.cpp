@@ -104,10 +104,15 @@ void checkDepth(const Mechanism& mechanism, double insertion_depth) {
 // 1.07 of it; the others were held by the arm's guard, or ended with force_limit.
 constexpr double kLargestTouch = 0.45;
 
-// The arm's delay as identified, where none is given, and descents as slow as its mount needs.
+// As given, or else as identified. [s]
+double armDelay(const Mechanism& mechanism, const AlignParameters& p) {
+  return p.arm_delay > 0.0 ? p.arm_delay : mechanism.arm.delay;
+}
+
+// With the arm's delay, and descents as slow as its mount needs.
 AlignParameters withArm(const Mechanism& mechanism, const AlignParameters& parameters) {
   AlignParameters p = parameters;
-  if (p.arm_delay == 0.0) p.arm_delay = mechanism.arm.delay;
+  p.arm_delay = armDelay(mechanism, parameters);
   if (p.arm_delay > 0.0) p.approach_step *= armTouch(mechanism, parameters).slower;
   return p;
 }
@@ -146,7 +151,7 @@ void chooseTimeLimits(const NamedStrategy& strategy, const Mechanism& mechanism,
 
 // A touch of force F at speed v reaches F + K v T + K v²/(2 a), after a delay T.
 ArmTouch armTouch(const Mechanism& mechanism, const AlignParameters& parameters) {
-  const double given = parameters.arm_delay, delay = given > 0.0 ? given : mechanism.arm.delay;
+  const double delay = armDelay(mechanism, parameters);
   const double identified = mechanism.arm.stiffness;
   const double stiffness = identified > 0.0 ? identified : 1.0 / pressCompliance(mechanism);
   const Scale scale = scaleOf(mechanism);

@@ -81,7 +81,8 @@ TEST(Clearance, AlignsWhereTheDrawnOneIsWrong) {
           const double off = trial.result.clearance.mean - factor * drawn;
           EXPECT_LT(std::abs(off), 4.0 * trial.result.clearance.sd)
               << drawn << " " << factor << " " << rough << " " << trial.result.clearance.mean;
-          // level 2 ends its moves 30 um off, which a few touches do not rule out elsewhere
+          // moves end 30 um off at level 2; that is their prior, which few touches leave in exact
+          // cells
           EXPECT_LT(trial.result.clearance.sd, rough ? 4e-5 : 3e-5);
         }
       }

@@ -79,12 +79,15 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
 }
 
-// A line of action between two points of the rim may be that of one, by a sensor's error: what
-// explains the touches better.
+// Where the line of action is nearer to the axis than the edge, a touch is on two points of the
+// rim, or on one and the sensor is off: the hypothesis with the smaller chi2 per residual.
 TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& readings) {
   TouchFit best;
   std::string why;
+  const bool ambiguous =
+      std::any_of(readings.begin(), readings.end(), [](const auto& r) { return r.on_two; });
   for (const bool on_two : {false, true}) {
+    if (on_two && !ambiguous) break;
     std::vector<TouchReading> as = readings;
     for (TouchReading& reading : as) {
       if (reading.on_two && on_two) reading.point.reset();
@@ -95,9 +98,6 @@ TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& r
       if (best.residuals == 0 || fit.chi2 * best.residuals < best.chi2 * fit.residuals) best = fit;
     } catch (const InputError& error) {
       why = error.what();
-    }
-    if (std::none_of(readings.begin(), readings.end(), [](const auto& r) { return r.on_two; })) {
-      break;
     }
   }
   if (best.residuals == 0) throw AlignError(AlignFailure::kNoPlaneReading, why);
@@ -187,7 +187,7 @@ void EdgeSearch::add(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
-  // on two points in a cone its line of action is between them, and on the rim, or seems to be
+  // on two points its line of action is between them: in a cone that is certain
   const bool chamfered = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width > 0.0;
   reading.on_two = !chamfered && !light.isSteep() && light.straddles();
   if (!light.isSteep() && !(chamfered && light.straddles())) reading.point = light.point;

@@ -18,20 +18,20 @@ struct CarrierDelay {
   static constexpr int kPrompt = 1;
   static constexpr int kMost = 25;  ///< 0.5 s
 
-  int steps = kPrompt;    ///< of its full speed that a descent is behind, the most so far
-  int answer = 0;         ///< from a command until it moves, the most so far
+  int steps = kPrompt;    ///< largest lag of a descent, over the travel of a step at full speed
+  int answer = 0;         ///< largest time from a command until the carrier moves
   int since_command = 0;  ///< steps since the last command
   int to_end = 0;         ///< steps to the certain end of the last move, where the pose is noisy
 
   /// Steps from a command until its effect has begun; 0 for a carrier that follows at once.
   int toEffect() const { return steps > kPrompt ? std::max(steps, answer) + 1 : 0; }
-  /// Factor of the speed before a contact and of the gains in contact: a late carrier then goes as
-  /// far after a contact as one that follows at once, for which it is 1.
+  /// Factor of the speed before a contact and of the gains in contact, 1 for a carrier that follows
+  /// at once. Overtravel after a contact then grows with the square root of the delay.
   double slowing() const { return (kPrompt + 1.0) / (steps + 1.0); }
   /// Factor of the time limits: a move is complete a step after its answer.
   double longer() const { return (std::max(steps, answer - 1) + 1.0) / (kPrompt + 1.0); }
   /// That of an arm which reacts so long after a contact [s], half a step later than it moves. A
-  /// descent that slows down as it finds itself behind, is 2·sqrt(n) - 1 steps behind after n.
+  /// descent whose speed falls with its lag by slowing() lags by 2·sqrt(n) - 1 steps after n.
   static CarrierDelay ofArm(double reaction) {
     CarrierDelay late;
     late.answers(reaction);
@@ -42,8 +42,7 @@ struct CarrierDelay {
   void answers(double time) {
     answer = std::max(answer, static_cast<int>(std::min<double>(time / kStepTime + 0.5, kMost)));
   }
-  /// Takes steps that the carrier is behind in a descent, less than its answer takes where it slows
-  /// down for it; more than kMost are those of a carrier that is too slow.
+  /// Takes a lag of a descent, see `steps`; more than kMost is that of a carrier that is too slow.
   void measure(double behind) {
     steps = std::max(steps, static_cast<int>(std::min<double>(behind, kMost)));
   }
