@@ -10,23 +10,28 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
-// After so many blocks a swing has died away, and a change that is left may be noise.
+// Greatest compliance of a contact that is pressed, over that of the coupling.
+constexpr double kMaxCompliance = 3.0;
+// Blocks after which a swing has decayed, so that a remaining change of force may be noise.
 constexpr int kSwingBlocks = 50;
-// Stiff parts that touch make a knock of a few samples, at or over the ends of the bridges' range;
-// a block may end in the middle of it. Three saturated blocks in a row are a press.
+// Saturated blocks in a row that are allowed in motion. The impact of stiff parts lasts a few
+// samples and may exceed the range of the bridges, in two blocks if one ends in the middle of it.
 constexpr int kKnockBlocks = 2;
-// At rest so many in a row are a faulty sensor: its own noise, an offset, a broken wire.
+// Saturated blocks in a row, at rest, that are the fault of a sensor: noise, an offset, a broken
+// wire.
 constexpr int kFaultyBlocks = 50;
-// A carrier that still comes nearer after kMotionBlocks is slow: it has as many again, so often. In
-// its last blocks it must have come nearer by more than a pressed carrier creeps.
+// A carrier that hasn't arrived after kMotionBlocks, but has come nearer by kNearer within the last
+// kLastBlocks, is slow: it has kMotionBlocks more, kSlowMotions times in all. A pressed carrier
+// creeps by less than kNearer.
 constexpr int kSlowMotions = 10;
 constexpr int kLastBlocks = 20;
 constexpr double kNearer = 2e-5;  // [m]
-// Of the force limit, beyond the force at the start: a free peg is caught. At 50 mm/s a carrier
-// presses a cell's coupling with 35 N more until it stands: a block, 10 ms and 1 m/s².
+// Increase of the force, over the force limit, at which a peg that moves freely counts as caught. A
+// carrier at 50 mm/s then strains the coupling of the default cell by 35 N more until it has
+// stopped, after a block, 10 ms, and braking at 1 m/s².
 constexpr double kCaught = 0.25;
 
+// Distance between two poses [m].
 double wayLeft(const RestPose& at, const RestPose& target) {
   const double turn = std::hypot(at.yaw - target.yaw, at.theta - target.theta, at.phi - target.phi);
   return std::hypot(at.x - target.x, at.y - target.y, at.z - target.z) + kTurnArm * turn;

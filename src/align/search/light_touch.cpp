@@ -6,9 +6,12 @@
 namespace assembly_cell {
 namespace {
 
-constexpr int kVanished = 4;    // touches in a row that vanish at rest
-constexpr int kSwings = 200;    // seeming touches of a peg that hangs free
-constexpr int kRestBlocks = 2;  // to come to rest, and then the mean of as many
+// Touches that may vanish at rest, before lower() ends without a contact.
+constexpr int kVanished = 4;
+// Touches that may turn out to be the swing of a free peg.
+constexpr int kSwings = 200;
+// Blocks to come to rest, and blocks that are averaged then.
+constexpr int kRestBlocks = 2;
 
 }  // namespace
 

@@ -9,30 +9,36 @@
 namespace assembly_cell {
 namespace {
 
-// Lengths, forces and times of the default cell; PressLimits::scale carries them over.
-// Touch force sideways, of a touch. An edge that slides down the bore's wall pushes with 0.3 to
-// 0.5 N before it wedges. Half: near starts take 0.5 s longer. Twice: one of 80 of them is held
-// with 200 N.
+// Lengths, forces and times are those of the default cell; PressLimits::scale has the factors.
+// Lateral force that counts as a touch, over the force of a touch. An edge that slides down the
+// bore's wall pushes with 0.3 to 0.5 N before it wedges. With half of it near starts take 0.5 s
+// longer, with twice of it one of 80 of them is held with 200 N.
 constexpr double kSidewaysTouch = 0.2;
-constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
-constexpr double kFirstStiffness = 3e4;            // [N/m]
-constexpr double kMaxChange = 3e-4;                // of height in one step of a press [m]
+// Bounds of the estimated stiffness of a contact, and its first value [N/m].
+constexpr double kSoftest = 2e3, kStiffest = 2e5;
+constexpr double kFirstStiffness = 3e4;
+// Greatest change of height in one step of a press [m].
+constexpr double kMaxChange = 3e-4;
 constexpr int kHoldSteps = 30;
-// Delay from a command to the end of its effect: a block may be 60 ms old when it arrives, the
-// command as old when it is taken, and an arm needs 50 ms [s]. An earlier force has no meaning.
+// Time from a command until a force shows its whole effect [s]: a block may be 60 ms old when it
+// arrives, the command as old when it is executed, and an arm needs 50 ms.
 constexpr double kCommandDelay = 0.2;
-// Times that a force may have gone on and is held again: an arm's end of a move does so once.
+// Attempts to hold a force that changes again at rest. The end of an arm's move makes it do so
+// once.
 constexpr int kHolds = 5;
-// Of a touch. Less is lost again in the steps of a press: of six from 0.15 to 0.4 N two were.
+// Least force of a press, over that of a touch. A smaller one may be lost in the steps of the
+// press: of six from 0.15 to 0.4 N two were.
 constexpr double kMinPress = 0.33;
 constexpr int kSettleBlocks = 3;
-constexpr double kReportScatter = 4.0;  // sd of a reported height that are no delay
-// A delay in the force is half a step longer than in the pose, the mean of a step; an arm that
-// moves in steps is up to half a step off.
+// Standard deviations of the reported height that don't count as a lag.
+constexpr double kReportScatter = 4.0;
+// The force shows a delay half a step later than the pose does, since it is the mean of a step. An
+// arm that moves in steps differs by up to half a step.
 constexpr double kForceLater = 0.5 * kStepTime, kDelayTolerance = kStepTime;
-constexpr double kDelayReach = 3.0;  // sd of the delay on file
+// Standard deviations of the delay in the mechanism's file within which a descent agrees with it.
+constexpr double kDelayReach = 3.0;
 constexpr double kLongestDelay = CarrierDelay::kMost * kStepTime;
-// 99 of 100 blocks scatter by less than 2.5 sd.
+// Standard deviations within which 99 of 100 blocks are.
 constexpr double kScatterReach = 2.5;
 
 }  // namespace
@@ -42,10 +48,10 @@ PressController::PressController(GuardedCarrier& carrier)
       stiffness_(kFirstStiffness * carrier.limits().scale.force / carrier.limits().scale.sink) {}
 
 bool PressController::approach(double floor, double faster) {
-  // descend a little every block until the first touch; a steep one hardly pushes up
+  // descend a little every block until a touch, which may push sideways rather than up
   const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
-  // not an arm nor one that answers late, which go on for as long after the contact, nor in a stiff
-  // coupling
+  // no faster with an arm or a carrier that answers late, which move on after the contact, nor in a
+  // stiff coupling
   const Scale& scale = carrier_.limits().scale;
   const bool late = carrier_.limits().arm_delay > 0.0 || carrier_.delay.slowing() < 1.0;
   const double most = late ? 1.0 : faster * scale.sink / scale.step;
@@ -55,7 +61,7 @@ bool PressController::approach(double floor, double faster) {
   while (carrier_.force().norm() < touch &&
          carrier_.force().head<2>().norm() < kSidewaysTouch * touch) {
     if (target.z <= floor) {
-      // a late carrier isn't there yet
+      // a late carrier hasn't arrived yet
       if (carrier_.delay.since_command >= carrier_.delay.toEffect()) return false;
       carrier_.wait(1);
       continue;
@@ -78,7 +84,7 @@ bool PressController::approach(double floor, double faster) {
   return true;
 }
 
-// Of a descent; that of the first is compared with the one on file.
+// Measures the delay in a descent. Compares that of the first one with the mechanism's file.
 void PressController::measureDelay() {
   const auto report = [&] {
     const PlantBlock& last = carrier_.last();
@@ -95,7 +101,7 @@ void PressController::measureDelay() {
   if (!settled && !is_later) return;
   delay_checked_ = true;
   if (!is_later && delay >= arm.delay - tolerance) return;
-  // sent no farther, until it moves
+  // wait without a further command until it moves
   for (double before = -1.0; !settled && delay_.still() > before && before < kLongestDelay;) {
     before = delay_.still();
     carrier_.wait(1);
@@ -108,7 +114,7 @@ void PressController::measureDelay() {
                         delay, arm.delay));
 }
 
-// Refuses a press that has gone down by `down` [m] for a force.
+// Throws `gave_way` for a press that has moved down by more than the compliance allows for a force.
 void PressController::limitTravel(double down, double force) const {
   if (down <= carrier_.limits().compliance * force) return;
   throw AlignError(AlignFailure::kGaveWay,
@@ -124,7 +130,7 @@ double PressController::minForce(double tolerance) const {
 }
 
 void PressController::hold(double force, double tolerance, bool settled) {
-  // secant steps to the force
+  // secant method
   RestPose target = carrier_.target();
   const double start = target.z;
   const Scale& scale = carrier_.limits().scale;
@@ -156,7 +162,7 @@ void PressController::holdStill(double force, double tolerance) {
     for (double passed = 0.0; passed < kCommandDelay; passed += carrier_.last().length) {
       carrier_.wait(1);
     }
-    carrier_.settle();  // or it swings within the tolerance
+    carrier_.settle();  // a swing could pass the tolerance
     limitTravel(start - carrier_.target().z, force);
     if (std::abs(carrier_.force().z() - force) <= tolerance * force) return;
   }

@@ -18,60 +18,91 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr int kDrops = 8;  // tries to put the low edge into the hole
-// And one for every place that a miss rules out, a disc of 0.8 radii, in the region of the hole:
-// none more for 25 mm, 39 for 3 mm.
-constexpr double kRuledOut = 0.8, kRegion = 0.015;  // [m]
-constexpr double kOver = 3e-4;  // lowest point over the plane before a descent [m]
-// Before a touch: the swing that is left moves the zero by less than 0.01 mm of the peg, where a
-// move ends within kPlaceSd. With the rest of a first zero 0.4 s longer, at level 2 1.2 s.
+// Attempts to put the low edge into the hole.
+constexpr int kDrops = 8;
+// More attempts for small pegs: a miss rules out a disc of kRuledOut radii around the place, and
+// the hole is within kRegion of the start [m]. A peg of 25 mm radius gets none more, one of 3 mm
+// 39.
+constexpr double kRuledOut = 0.8, kRegion = 0.015;
+// Height of the peg's lowest point above the face before a descent [m].
+constexpr double kOver = 3e-4;
+// Rest required before a touch. The remaining swing shifts the zero by less than 0.01 mm of the
+// peg's position, where a move ends within kPlaceSd. With the default Rest a cycle takes 0.4 s
+// longer, at level 2 1.2 s.
 constexpr Rest kNearlyAtRest{0.1, 2};
-constexpr int kZeroBlocks = 2;  // of the zero of a touch
-// Of a zero: sensors that warm up drift by 0.2 N, and the peg's weight turns with the carrier. With
-// a zero for each touch 0.5 s longer, at level 2 0.9 s. [s]
+// Blocks that are averaged for the zero of a touch.
+constexpr int kZeroBlocks = 2;
+// Age up to which a zero is used again [s]. Sensors that warm up drift by 0.2 N in this time, and
+// the peg's weight turns with the carrier. With a new zero for each touch a cycle takes 0.5 s
+// longer, at level 2 0.9 s.
 constexpr double kZeroLasts = 2.0;
-// Approach of an edge that isn't pressed: with K = 30 N/mm, a block T and 1 m/s², 1.5 N + K v T +
-// K v²/2a are 7 N. Once: 0.8 s longer. Twice: 14 N.
+// Speed of the approach over that of approach_step. A touch then reaches F_t + K v T + K v²/(2a) =
+// 7 N, with F_t = 1.5 N, K = 30 N/mm, T = 20 ms, a = 1 m/s². With 1 a cycle takes 0.8 s longer,
+// with 2 the force is 14 N.
 constexpr double kFaster = 1.5;
-constexpr double kPullFree = 5e-4;  // of a free peg [m]
-constexpr double kSpot = 1e-4;      // aside: less is no lateral motion [m]
-constexpr double kSinks = 0.5;      // of scale: a light touch's travel is a quarter of kDeep
-constexpr double kDeep = 4e-4;      // lowest point below the plane, inside [m]
-constexpr double kPlaceSd = 5e-5;   // of where a move ends [m]
-constexpr double kPush = 0.75;      // sideways: a wall [N]
-// Of a step down before a contact, a step to a wall. Half: near starts take 0.35 s longer.
+// Travel up within which a peg lifted out of the hole is expected to be free [m].
+constexpr double kPullFree = 5e-4;
+// Lateral distance below which two places count as the same [m].
+constexpr double kSpot = 1e-4;
+// A descent that ends without a touch is measured again at rest where Scale::sink times this
+// exceeds Scale::length: a touch of the default cell sinks in by a quarter of kDeep.
+constexpr double kSinks = 0.5;
+// Depth of the peg's lowest point below the face that counts as inside the hole [m].
+constexpr double kDeep = 4e-4;
+// Standard deviation of where a move ends [m].
+constexpr double kPlaceSd = 5e-5;
+// Lateral force that counts as a wall [N].
+constexpr double kPush = 0.75;
+// Step towards a wall over approach_step. With half of it near starts take 0.35 s longer.
 constexpr double kSidestep = 2.0;
-constexpr double kOverPush = 2.0, kPushAfter = 1.5;  // of a push: more is relieved, to so much
-constexpr double kMoreGive = 2.0;   // stiffer or smaller pegs by that take the same step
-constexpr int kAdjusts = 4;         // of a late carrier's push
-constexpr double kYields = 0.1;     // of a push, when half of the travel into it is taken back
-constexpr double kBack = 3e-4;      // off a wall again [m]
-constexpr double kSlack = 5e-6;     // strain that is none [m]
-constexpr double kBehind = 2.5e-3;  // low edge inside by so much at least when put down [m]
-constexpr double kFarthest = 6e-3;  // and at most [m]
-// Travel to a wall at most. Two thirds: of starts within 15 mm at level 2 one in 20 takes 1 s
-// longer. [m]
+// A push above kOverPush times kPush is reduced to kPushAfter times kPush.
+constexpr double kOverPush = 2.0, kPushAfter = 1.5;
+// Pegs that are stiffer or smaller by up to this factor take the same step towards a wall.
+constexpr double kMoreGive = 2.0;
+// Corrections of a push by a carrier that answers late.
+constexpr int kAdjusts = 4;
+// A wall's push decreases by at least this share when half of the travel into it is taken back.
+constexpr double kYields = 0.1;
+// Distance kept from a wall after it was measured [m].
+constexpr double kBack = 3e-4;
+// Strain of the coupling that counts as none [m].
+constexpr double kSlack = 5e-6;
+// Distance of the low edge behind the hole's centre when it is put down, least and greatest [m].
+constexpr double kBehind = 2.5e-3, kFarthest = 6e-3;
+// Greatest travel to a wall [m]. With two thirds of it, one in 20 of the starts within 15 mm at
+// level 2 takes 1 s longer.
 constexpr double kLost = 1.2e-2;
-// Centre's sd up to which an entry is tried, at least. Up to four times its reach: of starts within
-// 15 mm at level 2 one in 20 takes 2.9 s longer. [m]
+// The entry is tried up to this standard deviation of the centre, or up to BoreEntry::reach() if
+// that is more [m]. With four times the reach, one in 20 of the starts within 15 mm at level 2
+// takes 2.9 s longer.
 constexpr double kEntrySd = 2e-4;
-constexpr int kWithoutWall = 2;      // places without a wall: the touches were misread
-constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
-constexpr int kHigher = 5;           // times
-constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
-// From the start on, for a carrier without delay: 60 starts at 0.3 of 0.02 mm drawn were in after
-// 46 s of all at level 2. Less than the time limit. [s]
+// Places without a wall, one after another, after which the touches count as misread.
+constexpr int kWithoutWall = 2;
+// Where the force at a zero isn't that of a free peg: height of a step up [m], and their number.
+constexpr double kRaise = 2e-3;
+constexpr int kHigher = 5;
+// Touches whose chi2 per residual is greater are not of one plane.
+constexpr double kContradict = 2.5;
+// Time since the start after which an entry that fails may be refused as too tight, for a carrier
+// without delay [s]. At level 2, 60 of 60 starts at 0.3 of a drawn clearance of 0.02 mm were in
+// after 46 s. It is below the time limit.
 constexpr double kEntryTime = 50.0;
-constexpr double kTightSds = 2.0;  // of the bound on an interference
-constexpr double kSure = 2.5;      // deviations
-// A chamfer of 45 degrees pushes aside by (1 - mu) / (1 + mu) of the force on it, 0.54 at 0.3.
+// Standard deviations of the stated bound on an interference.
+constexpr double kTightSds = 2.0;
+// Standard deviations of the margins around the hole's estimated centre and height.
+constexpr double kSure = 2.5;
+// Lateral share of the force on a chamfer of 45 degrees: (1 - mu) / (1 + mu), 0.54 for mu = 0.3.
 constexpr double kChamferPush = 0.5;
-constexpr double kElsewhere = 0.2;                   // of the chamfer, from a failed attempt
-constexpr int kRest = 2;                             // blocks
-constexpr double kPointSd = 1e-3, kOffsetSd = 4e-3;  // of the lines of action [m]
-constexpr double kMinPointSd = 2e-4;                 // by the sensor's noise [m]
+// An entry by the chamfer is tried again at this distance from one that failed, in chamfer widths.
+constexpr double kElsewhere = 0.2;
+// Blocks that a peg rests before a force is averaged, and blocks that are averaged.
+constexpr int kRest = 2;
+// Standard deviations of the lines of action of touches: of each, and of an offset common to all.
+constexpr double kPointSd = 1e-3, kOffsetSd = 4e-3;  // [m]
+// Least standard deviation of a line of action, by the sensor's noise [m].
+constexpr double kMinPointSd = 2e-4;
 
-// Travel of the peg's bottom along a direction for a force on it, the peg's axes along R. [m/N]
+// Compliance of the peg's bottom along a direction, the peg's axes along R. [m/N]
 double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   const Vec3 along = R.transpose() * direction;
   Eigen::Matrix<double, 1, 6> row;
@@ -79,8 +110,9 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
 }
 
-// Where the line of action is nearer to the axis than the edge, a touch is on two points of the
-// rim, or on one and the sensor is off: the hypothesis with the smaller chi2 per residual.
+// A touch whose line of action is nearer to the axis than the edge may be on two points of the rim,
+// or on one point with a sensor in error. Fits both and returns the one with the smaller chi2 per
+// residual.
 TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& readings) {
   TouchFit best;
   std::string why;
@@ -104,7 +136,7 @@ TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& r
   return best;
 }
 
-// No place lets the peg in, and by the touches the peg is larger than the hole.
+// Throws `too_tight` if the touches measured a peg that is larger than the hole.
 void refuseTooTight(const Clearance& clearance, int touches) {
   if (clearance.mean > 0.0) return;
   const double interference = kTightSds * clearance.sd - clearance.mean;
@@ -187,7 +219,7 @@ void EdgeSearch::add(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
-  // on two points its line of action is between them: in a cone that is certain
+  // on two points its line of action is between them; in a chamfer it always is
   const bool chamfered = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width > 0.0;
   reading.on_two = !chamfered && !light.isSteep() && light.straddles();
   if (!light.isSteep() && !(chamfered && light.straddles())) reading.point = light.point;
@@ -195,7 +227,7 @@ void EdgeSearch::add(const Touch& light) {
   readings.push_back(reading);
 }
 
-// Lowest point of the edge under the bottom's centre, along the normal. [m]
+// Distance of the edge's lowest point below the bottom's centre, along the normal. [m]
 double EdgeSearch::dip(const Mat3& R) const {
   const double up = s_.hole.normal.dot(R.col(2));
   return tipRadius(s_.mechanism.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
@@ -251,7 +283,7 @@ void EdgeSearch::touch(const Mat3& R) {
   if (light && (light->straddles() || light->isBeyondEdge())) liftOut(R);
 }
 
-// Straight up until it is over the contact.
+// Lifts the peg straight up until it is above the contact.
 void EdgeSearch::liftOut(const Mat3& R) {
   const double travel = dip(R) + kOver * s_.scale.travel;
   const Pose peg = s_.peg();
@@ -271,7 +303,7 @@ void EdgeSearch::keep(const Touch& light) {
 }
 
 void EdgeSearch::resolve() {
-  // the walls of a bore that it has been in count as much as all touches
+  // clearance measured between the bore's walls, if the peg has been in it
   model.hole.radius = s_.mechanism.peg.radius + search_.entry.clearance_prior.mean;
   model.radius_sd = search_.entry.clearance_prior.sd;
   const TouchFit fit = fitReadings(model, readings);
@@ -300,8 +332,9 @@ void EdgeSearch::resolve() {
                 text(", chi2 %.1f of %d", fit.chi2, fit.residuals));
 }
 
-// Whether the hole is known so well that chamfers lead an upright peg into it, and the coupling
-// yields before the force is that of a face; not where such an entry failed.
+// Whether the chamfers lead an upright peg into the hole: the centre is known to within their
+// width, and the coupling yields below the force of a contact with the face. False near a place
+// where such an entry has failed.
 bool EdgeSearch::isFunnelled() const {
   const double width = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width;
   const double yields = kChamferPush * search_.entry.maxForce() * sidewaysCompliance(s_.mechanism);
@@ -309,7 +342,7 @@ bool EdgeSearch::isFunnelled() const {
   return elsewhere && kSure * s_.known.position_sd < std::min(width, yields);
 }
 
-// The low edge into the hole. False where it touches instead, which is kept as a reading.
+// Puts the low edge into the hole. False where it touches the face; the touch becomes a reading.
 bool EdgeSearch::drop(int attempt) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
   const Vec2 flat = axes.transpose() * toHole(s_, bottom);
@@ -330,7 +363,7 @@ bool EdgeSearch::drop(int attempt) {
   hover(place, R);
   const Vec3 lowest = place - (over + deep + kSure * s_.hole.height_sd) * s_.hole.normal;
   std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z, kFaster);
-  // where a touch sinks in by about as much, the peg may rest on the face: measured at rest
+  // a soft mount may sink in so far without a touch: measure at rest
   if (!light && kSinks * s_.scale.sink > s_.scale.length) {
     const Touch resting = search_.touch.measure();
     if (resting.isContact()) light = resting;
@@ -345,8 +378,8 @@ bool EdgeSearch::drop(int attempt) {
   return true;
 }
 
-// Against the wall ahead and on both sides. False without a wall ahead: then the only reading is
-// the free place where the low edge went down.
+// Measures the wall ahead and those on both sides. False without a wall ahead: then the place where
+// the low edge went down without a touch becomes a reading.
 bool EdgeSearch::walls() {
   TouchReading free;
   free.kind = TouchReading::kFree;
@@ -363,9 +396,9 @@ bool EdgeSearch::walls() {
   return true;
 }
 
-// Steps sideways until the wall pushes back. The position without force is extrapolated from two
-// forces, which needs no stiffness. Across the direction the wall leads a low edge that fits it
-// closely: the strain of the coupling is corrected by the drawn stiffness.
+// Steps sideways until the wall pushes back. The position at zero force is extrapolated from two
+// forces, which needs no stiffness. A wall also pushes a closely fitting edge across the direction;
+// this deflection is corrected by the nominal stiffness.
 bool EdgeSearch::wall(const Vec3& direction) {
   const Mat3 R = s_.frame.carrierPose(s_.carrier.target()).R;
   const Vec3 across = s_.hole.normal.cross(direction);
@@ -381,7 +414,7 @@ bool EdgeSearch::wall(const Vec3& direction) {
   double moved = 0.0, pushed = 0.0, gentler = 0.0;
   Vec2 less = Vec2::Zero();
   while (pushed < wanted) {
-    // no wall of a small hole is farther than across it
+    // in a small hole no wall is farther than its diameter
     if (moved > std::clamp(2.0 * s_.mechanism.hole.radius, kLost * s_.scale.length,
                            kLost * s_.scale.travel)) {
       s_.report("wall", "none within reach");
@@ -395,9 +428,9 @@ bool EdgeSearch::wall(const Vec3& direction) {
     s_.carrier.step(command);
     pushed = push(direction);
     if (pushed < wanted) continue;
-    // measured at a push that hardly turns the peg
+    // measure at a push that hardly rotates the peg
     const auto isOver = [&] { return pushed > kOverPush * wanted; };
-    // a late carrier goes on for a while
+    // a late carrier moves on for a while
     const bool late = awaitEffect(s_.carrier);
     if (late) pushed = push(direction);
     for (int i = 0; i == 0 || (late && i < kAdjusts && (isOver() || pushed < wanted)); ++i) {
@@ -411,7 +444,7 @@ bool EdgeSearch::wall(const Vec3& direction) {
     gentler = moved - 0.5 * pushed * softness(s_, direction, R);
     less = pushedAt(from + gentler * direction, R,
                     [&] { return Vec2(push(direction), push(across)); });
-    // a wall pushes half as much there; a swing of the peg is independent of the position
+    // a wall pushes half as much there; a swinging peg's force doesn't depend on the position
     if (pushed - less.x() < kYields * pushed) pushed = 0.0;
   }
   const double at = gentler - less.x() * (moved - gentler) / (pushed - less.x());
@@ -431,8 +464,7 @@ bool EdgeSearch::wall(const Vec3& direction) {
   return true;
 }
 
-// Bottom centre where the carrier has followed the peg sideways, so that no wall strains the
-// coupling.
+// Moves the carrier sideways until no wall strains the coupling. Returns the bottom's centre there.
 Vec3 EdgeSearch::relaxed(const Mat3& R) {
   Vec3 at = s_.target().p;
   s_.carrier.wait(s_.scale.timed(kRest));
@@ -446,6 +478,7 @@ Vec3 EdgeSearch::relaxed(const Mat3& R) {
   return at;
 }
 
+// Mean of `push` with the peg's bottom at p, at rest. [N]
 Vec2 EdgeSearch::pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push) {
   s_.carrier.moveTo(s_.frame.restFor(p, R), Move::kNearly);
   const int n = s_.scale.timed(kRest);

@@ -11,16 +11,22 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-constexpr int kRound = 3;  // touches of a round
-// Distance of the hole's centre from which its direction is certain, and the centre's sd then. Half
-// the sd: 0.4 s longer, at level 2 1.5 s; twice: one of 80 starts takes 32 s. Twice the distance:
-// 0.3 s longer for near starts; half: the same. [m]
+// Touches of the first part of a survey, and at most of the second.
+constexpr int kRound = 3;
+// The direction to the hole counts as known beyond this distance of its centre, and below this
+// standard deviation of it [m]. With half the deviation a cycle takes 0.4 s longer, at level 2
+// 1.5 s; with twice of it one of 80 starts takes 32 s. With twice the distance near starts take
+// 0.3 s longer; half of it changes nothing.
 constexpr double kDirected = 1.4e-3, kDirectedSd = 2.5e-3;
-// Of the face's tilt, whose touches contradict one another beyond: level 3 has 0.4 degrees. [rad]
+// The face's tilt counts as known below this standard deviation [rad]. Level 3 draws tilts of 0.4
+// degrees; touches with a greater deviation contradict one another.
 constexpr double kTiltSd = 0.02;
-constexpr int kAttempts = 4;        // from where the peg came free again
-constexpr double kMoreTilt = 0.01;  // while the plane is unknown [rad]
-constexpr double kRetreat = 8e-3;   // above where an attempt failed [m]
+// Attempts after failures from which the peg came free again, the first one included.
+constexpr int kAttempts = 4;
+// Addition to the peg's tilt while the face's tilt is unknown [rad].
+constexpr double kMoreTilt = 0.01;
+// Height of the retreat after a failed attempt [m].
+constexpr double kRetreat = 8e-3;
 
 bool isRecoverable(AlignFailure failure) {
   switch (failure) {
@@ -42,15 +48,17 @@ bool isPlaneKnown(const SearchState& s) {
   return s.known.rotation_sd * std::min(1.0, s.scale.length) < kTiltSd;
 }
 
-// The low edge goes into a hole that is in about its direction, however far; walls measure the
-// rest. A hole that seems to be below the peg may be far off, where the plane explains the touches.
+// The direction to the hole is enough: the low edge goes into a hole at any distance ahead of it,
+// and walls measure the rest. An estimate close below the peg may be far from the hole: touches of
+// the face alone lead to it.
 bool isDirectionKnown(const Vec3& to, const SearchState& s) {
   return isPlaneKnown(s) && to.norm() > kDirected * s.scale.length &&
          s.known.position_sd < kDirectedSd * s.scale.length;
 }
 
-// The face all round at tilts against the start; then against the plane, the low side towards the
-// hole first, until the direction to the hole is known.
+// Touches the face with the low side in three directions, the peg tilted against its start. Then
+// tilted against the plane, the low side towards the estimated hole first, until the direction to
+// the hole is known.
 void survey(EdgeSearch& edge, const SearchState& s) {
   for (int i = 0; i < kRound; ++i) {
     const double a = 2 * M_PI * i / kRound;
@@ -84,7 +92,7 @@ void find(Search& search) {
       if (k >= kAttempts || !isRecoverable(error.failure)) throw;
       s.report("recover", error.what());
       search.retreat.backOut(kRetreat * s.scale.travel);
-      // the earlier zero may have been of a peg that was not free
+      // the peg may not have been free at the earlier zero
       s.carrier.tare(2);
       edge.bottom = s.target().p;
       if (!edge.known) {

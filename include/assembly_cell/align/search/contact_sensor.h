@@ -6,13 +6,14 @@
 
 namespace assembly_cell {
 
-/// Tolerance of a free peg's force against its tare, default cell [N]
+/// Change of force since the tare up to which a peg counts as free, default cell [N]
 inline constexpr double kFreeForce = 1.0;
 
-/// Growth of that tolerance: sensors that warm up drift by 3 N a minute and axis [N/s]
+/// Growth of that tolerance with the tare's age: a sensor that warms up drifts by 3 N a minute in
+/// each axis [N/s]
 inline constexpr double kZeroDrift = 0.09;
 
-/// Zero of sensor_b: means while the peg hangs free at rest.
+/// Zero of sensor_b: means over some blocks while the peg hangs free and at rest.
 struct Tare {
   Vector6 wrench = Vector6::Zero();        ///< sensor_b axes [N], [N·m]
   Vector6 displacement = Vector6::Zero();  ///< of the coupling, sensor_b axes [m], [rad]
@@ -21,16 +22,16 @@ struct Tare {
   double time = 0.0;                       ///< plant clock [s]
 };
 
-/// The weight that turns with the carrier.
+/// What the peg's weight in sensor axes follows from.
 struct PegWeight {
   PegParameters peg;
   double gravity = 0.0;               ///< [m/s²]
   Eigen::Vector3d up{0.0, 0.0, 1.0};  ///< see Mechanism
 };
 
-/// Contact force as sensor_b measures it: the wrench of the latest block less the latest tare and
-/// less the change of the peg's weight, which turns with the carrier. The first tare is the
-/// reference for whether the peg is free. Without a mass the weight is as at the tare, always.
+/// Contact force from sensor_b: the wrench of the latest block minus the latest tare and minus the
+/// change of the peg's weight in sensor axes, which rotate with the carrier. The first tare is the
+/// reference for whether the peg is free. With an unknown mass (0) no change of weight is computed.
 class ContactSensor {
  public:
   /// `force_scale`: see Scale::force.
@@ -39,9 +40,9 @@ class ContactSensor {
   void update(const PlantBlock& block) { last_ = block; }
   const PlantBlock& last() const { return last_; }
 
-  /// A new zero, of blocks up to the latest one; it is the first one where isTared() is false.
+  /// Sets a zero of blocks up to the latest one. It becomes the first tare where there is none.
   void setTare(const Tare& tare);
-  /// The next tare counts as the first one.
+  /// Makes the next tare the first one.
   void clearTare() { tared_ = false; }
   bool isTared() const { return tared_; }
   const Tare& tare() const { return tare_; }
@@ -53,22 +54,22 @@ class ContactSensor {
   /// Deflection of the coupling since the tare, sensor_b axes. [m], [rad]
   Vector6 deflection() const { return last_.displacement_b - tare_.displacement; }
 
-  /// Force that counts as a touch: that of the scale, or five sd of a block's noise [N]
+  /// Force that counts as a touch: that of the scale, five sd of a block's noise at least [N]
   double touchForce() const { return touch_; }
-  /// Force since the first tare, of a peg that should be free [N]
+  /// Magnitude of the force since the first tare, of a peg that should be free [N]
   double heldForce() const;
-  /// Force of the latest tare against the first [N]
+  /// Magnitude of the latest tare's force minus the first one's [N]
   double tareShift() const;
-  double freeForce() const { return kFreeForce * force_scale_; }  ///< of this peg [N]
-  /// Tolerance of a free peg's force against the first tare, with the drift since [N]
+  double freeForce() const { return kFreeForce * force_scale_; }  ///< kFreeForce for this peg [N]
+  /// freeForce() plus the drift that is possible since the first tare [N]
   double freeShift() const { return freeForce() + kZeroDrift * (last_.time - first_.time); }
-  /// Change of a block's force from the block before that noise alone explains [N]
+  /// Largest change of force from block to block that noise alone explains [N]
   double noiseChange() const;
-  /// Alarm at a contact force of `force`, or `sideways` of it in x and y [N].
+  /// Alarm at a contact force of `force`, or of `sideways` in x and y [N].
   ForceAlarm alarmAt(double force, double sideways) const;
 
  private:
-  /// Change of the weight in carrier axes since a pose.
+  /// Change of the weight's wrench, sensor_b axes, since a pose of the carrier.
   Vector6 weightChange(const RestPose& from) const;
 
   PegWeight weight_;

@@ -13,13 +13,14 @@
 
 namespace assembly_cell {
 
-/// Time that a search may take.
+/// Time limit of a search.
 struct TimeLimit {
   double seconds = std::numeric_limits<double>::infinity();
-  bool for_prompt = false;  ///< a carrier that is late has more, by CarrierDelay::longer()
-  double spent = 0.0;       ///< of it, before [s]
+  bool for_prompt = false;  ///< a late carrier has CarrierDelay::longer() times as much
+  double spent = 0.0;       ///< part of it that was used up before [s]
 
-  /// `given`, or where it is 0 `otherwise` for a prompt carrier, or where that is 0, too, none. [s]
+  /// The limit `given`; if it is 0, `otherwise`, for a carrier without delay; if both are 0, none.
+  /// Times in [s].
   static TimeLimit of(double given, double otherwise, double spent = 0.0) {
     if (given > 0.0) return {given, false, spent};
     if (otherwise > 0.0) return {otherwise, true, spent};
@@ -30,64 +31,66 @@ struct TimeLimit {
   }
 };
 
-/// Limits of whatever moves the carrier.
+/// Limits of the motions of a search.
 struct PressLimits {
   double force = 40.0;          ///< abort above this contact force [N]
-  double descent = 0.02;        ///< abort without contact after this travel down [m]
-  double approach_step = 1e-4;  ///< travel down in one block before contact [m]
-  double compliance = 5e-4;     ///< travel per force while pressing: more is no contact [m/N]
+  double descent = 0.02;        ///< abort after this travel down without a contact [m]
+  double approach_step = 1e-4;  ///< travel down in one block before a contact [m]
+  double compliance = 5e-4;     ///< travel per force above which a press has lost its contact [m/N]
   Scale scale;                  ///< of the mechanism
   PegWeight weight;             ///< see ContactSensor
   TimeLimit time;
-  double arm_delay = 0.0;  ///< of an arm, where it is given [s]
-  ArmResponse arm;         ///< that a descent has to agree with; delay_sd 0: none
+  double arm_delay = 0.0;  ///< delay of an arm; 0: no arm, or unknown [s]
+  ArmResponse arm;  ///< measured response, compared with the first descent's; delay_sd 0: none
 };
 
-/// The limits for a mechanism: default ones with its steps, compliance, scale and weight.
+/// The default limits, with steps, compliance, scale and weight of a mechanism.
 PressLimits pressLimits(const Mechanism& mechanism);
 
 /// Blocks that a motion of the carrier or a settling peg may take.
 inline constexpr int kMotionBlocks = 200;
 
-/// Metres of travel that count as much as a radian.
+/// Metres of travel that a radian counts as, in distances between poses.
 inline constexpr double kTurnArm = 0.1;
 
-/// What counts as a peg at rest: a change of force from block to block, so many times in a row.
+/// What counts as a peg at rest: the force changes by less than `force` from block to block, for
+/// `blocks` blocks in a row.
 struct Rest {
-  double force = 0.03;  ///< times Scale::still [N]
+  double force = 0.03;  ///< in the default cell; times Scale::still in others [N]
   int blocks = 3;
 };
 
 /// How GuardedCarrier::moveTo() ends.
 enum class Move {
-  kToTheEnd,
-  /// A little early where the reported pose is noisy, which is enough before a tare. A move that
-  /// follows waits for the end first: a carrier that gets a far target while it brakes overshoots
-  /// (6 mm in 20 mm).
+  kToTheEnd,  ///< at the target
+  /// Some blocks before the end is certain, if the reported pose is noisy. That is enough before a
+  /// tare. The next move waits for the end first: a carrier that gets a distant target while it
+  /// brakes overshoots (6 mm in 20 mm).
   kNearly,
-  /// As kNearly, of a peg that touches nothing on the way: `force_limit` long before the limit,
-  /// since the force rises until the carrier stands.
+  /// As kNearly, for a peg that should touch nothing on the way. Throws `force_limit` far below the
+  /// limit, since the force rises until the carrier has stopped.
   kFree,
 };
 
-/// Moves the carrier of a plant, with the contact force checked in every block. All commands of a
+/// Moves the carrier of a plant and checks the contact force in every block. All commands of a
 /// search pass through step().
 class GuardedCarrier {
  public:
   /// Waits for the first block. Throws PlantError.
   GuardedCarrier(Plant& plant, const PressLimits& limits);
 
-  /// One block with a command. Throws AlignError `force_limit`, with the carrier held, or
-  /// `sensor_saturated` once there is a tare, `time_limit`, PlantError when the plant fails.
-  /// `force_limit`: below that of the limits [N].
+  /// Sends a command and waits for the next block. Once there is a tare it throws AlignError
+  /// `force_limit`, with the carrier stopped, and `sensor_saturated`; always `time_limit`, and
+  /// PlantError when the plant fails. `force_limit`: lower than that of the limits [N].
   const PlantBlock& step(const PlantCommand& command,
                          double force_limit = std::numeric_limits<double>::infinity());
+  /// step() without a command, `blocks` times.
   const PlantBlock& wait(int blocks);
-  /// The exciter goes out with the next step, unless that command sets it.
+  /// Sends the exciter's setting with the next step, unless that command sets it.
   void exciterNext(const ExciterParameters& exciter) { exciter_ = exciter; }
   /// Whether step() checks force, saturation and time; true at first.
   void setGuarded(bool guarded) { checks_.on = guarded; }
-  /// Counts from the last block.
+  /// Sets the time limit, counted from the last block.
   void limitTime(const TimeLimit& limit);
 
   const PlantBlock& last() const { return sensor_.last(); }
@@ -95,24 +98,25 @@ class GuardedCarrier {
   Eigen::Vector3d force() const { return sensor_.force(); }  ///< see ContactSensor
   const PressLimits& limits() const { return limits_; }
   const RestPose& target() const { return target_; }
-  /// Of the carrier's pose, on the blocks of all tares so far.
+  /// Noise of the carrier's reported pose, from the blocks of all tares so far.
   ReportNoise reportNoise() const { return meter_.noise(); }
 
-  /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
-  /// deflection. Throws AlignError `not_still`.
+  /// Takes the zero of force and deflection of the free peg: waits until it is at rest, then
+  /// averages `blocks` blocks. Throws AlignError `not_still`.
   void tare(int blocks = 10, const Rest& rest = {});
-  /// The next tare counts as the first one; nothing is checked until then.
+  /// Makes the next tare the first one; forces are not checked until then.
   void clearTare() { sensor_.clearTare(); }
-  /// Waits until blocks in a row agree; false: they never do. Throws AlignError `sensor_saturated`
-  /// where a channel stays at its limit.
+  /// Waits until the peg is at rest; false if it doesn't come to rest. Throws AlignError
+  /// `sensor_saturated` if a channel stays at its limit.
   bool settle(const Rest& rest = {});
 
-  /// Moves the rest pose and waits until it is there. Throws AlignError `not_arrived`.
+  /// Moves the carrier to a rest pose and waits until it is there. Throws AlignError `not_arrived`.
   void moveTo(const RestPose& target, Move move = Move::kToTheEnd);
-  /// A step that a block has time for. `alarm`: instead of that of the force limit.
+  /// Moves the carrier by as little as it can move in a block. `alarm`: instead of that of the
+  /// force limit.
   void nudge(const RestPose& target, const std::optional<ForceAlarm>& alarm = std::nullopt);
 
-  CarrierDelay delay;  ///< of plant and carrier together; PressController measures it
+  CarrierDelay delay;  ///< delay of plant and carrier together; PressController measures it
 
  private:
   Plant& plant_;
@@ -128,10 +132,11 @@ class GuardedCarrier {
   } checks_;             // of each step
 };
 
-/// Waits until the last command has had an effect on a carrier that answers late. False: it has.
+/// Waits until the last command has had its effect on a carrier that answers late. False if it has
+/// had it already.
 bool awaitEffect(GuardedCarrier& carrier);
 
-/// One block with the exciter off.
+/// Switches the exciter off and waits for a block.
 void exciterOff(GuardedCarrier& carrier, int direction = 1);
 
 }  // namespace assembly_cell

@@ -8,29 +8,30 @@
 
 namespace assembly_cell {
 
-/// Contact of a peg at rest before it is pressed.
+/// Contact of a peg that rests on it with a small force.
 struct Touch {
   double force = 0.0;     ///< along the peg [N]
   double sideways = 0.0;  ///< [N]
-  double reach = 0.0;     ///< line of action's distance from the axis at the bottom over the radius
+  double reach = 0.0;     ///< distance of the line of action from the axis at the bottom, in radii
   Eigen::Vector2d point{0, 0};  ///< where the line of action crosses the bottom, peg axes [m]
-  Eigen::Vector2d lean{0, 0};   ///< of that line, aside over up
-  Pose X_SP;                    ///< of the peg then, by the commanded rest pose
+  Eigen::Vector2d lean{0, 0};   ///< slope of that line: lateral over axial
+  Pose X_SP;                    ///< the peg's pose, from the commanded rest pose
 
-  double min_force = 0.5;               ///< below it there is no contact any more [N]
-  static constexpr double kGone = 0.2;  ///< of that: the peg is free
+  double min_force = 0.5;               ///< least force of a contact [N]
+  static constexpr double kGone = 0.2;  ///< share of it below which the peg is free
 
-  /// The contact is still there.
+  /// Whether the contact is still there.
   bool isContact() const { return std::hypot(force, sideways) > min_force; }
-  /// No force left: the peg hangs free, and has swung.
+  /// Whether no force is left: the peg hangs free, and the force was that of its swing.
   bool isGone() const { return std::hypot(force, sideways) < kGone * min_force; }
-  /// Two points of the edge, or the wall: one point of the edge can't be so near the axis.
+  /// Whether it is on two points of the edge, or on the wall: the line of action is nearer to the
+  /// axis than one point of the edge can be.
   bool straddles() const { return reach < 0.8; }
-  /// Farther from the axis than the edge, even by a sensor that is wrong by 4 mm: perhaps the
-  /// hole's rim at the peg's side.
+  /// Whether the line of action is outside the edge, also for a sensor that is wrong by 4 mm: the
+  /// hole's rim may be at the peg's side.
   bool isBeyondEdge() const { return reach > 1.2; }
-  /// Steeper than friction on any contact that may be pressed: the hole's rim nearly along the
-  /// edge, a wall, a wedge.
+  /// Whether the force is more lateral than friction allows on a contact that may be pressed. It is
+  /// so where the hole's rim is nearly along the edge, at a wall, and for a wedged peg.
   bool isSteep() const { return sideways > 0.75 * force; }
 };
 
@@ -39,13 +40,14 @@ class LightTouch {
  public:
   LightTouch(SearchState& state, Retreat& retreat) : s_(state), retreat_(retreat) {}
 
-  /// Lowers to a contact that stays at rest; a swinging peg only seems to touch. Nothing when the
-  /// rest height `floor` [m] was reached without one; not isContact() where each touch vanished.
-  /// `faster`: see PressController::approach().
+  /// Lowers the peg to a contact that is still there at rest, as that of a swinging peg isn't.
+  /// Returns nothing when the rest height `floor` [m] was reached without a contact; a touch that
+  /// is not isContact() when each one vanished. `faster`: see PressController::approach().
   std::optional<Touch> lower(double floor, double faster = 1.0);
-  /// The contact of the peg where it is, at rest.
+  /// Measures the contact of the peg at rest where it is.
   Touch measure();
-  /// Throws AlignError `wedged` for a peg tilted by R at a steep contact or one that vanished.
+  /// Throws AlignError `wedged` for a contact that is steep or has vanished. R: the peg's axes in
+  /// S.
   void refuseWedge(const Touch& touch, const Eigen::Matrix3d& R);
 
  private:

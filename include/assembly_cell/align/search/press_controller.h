@@ -5,30 +5,30 @@
 
 namespace assembly_cell {
 
-/// Lowers the peg to a contact and presses it there, at block rate. Needs a tare (see
-/// GuardedCarrier); leaves the carrier in contact.
+/// Lowers the peg to a contact and controls the pressing force, at block rate. Needs a tare (see
+/// GuardedCarrier). Leaves the peg in contact.
 class PressController {
  public:
   explicit PressController(GuardedCarrier& carrier);
 
-  /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
-  /// Throws AlignError `no_contact` after the descent limit, and `wrong_mechanism` where the delay
-  /// of the first descent isn't the one on file.
-  /// `faster`: than with approach_step, of a carrier that follows at once, and in a coupling no
-  /// stiffer than the default one.
+  /// Lowers the peg until it touches. False when the rest height `floor` [m] was reached without a
+  /// touch. Throws AlignError `no_contact` after the descent limit, and `wrong_mechanism` if the
+  /// delay in the first descent contradicts the file of the mechanism.
+  /// `faster`: factor of the speed, for a carrier that follows at once and a coupling no stiffer
+  /// than the default one; in others it is 1.
   bool approach(double floor, double faster = 1.0);
-  double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
+  double touchZ() const { return touch_z_; }  ///< rest height at the last touch of approach() [m]
 
-  /// Smallest force that holdStill() can hold, as of the tare: less is within the scatter of a
-  /// block, or lost in the steps of a press. [N]
+  /// Smallest force that holdStill() can hold, by the noise at the tare. A smaller one is within
+  /// the scatter of a block, or is lost in the steps of a press. [N]
   double minForce(double tolerance) const;
-  /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
-  /// `settled`: the force is settled, as after a light touch, and isn't waited for. Throws
+  /// Adjusts the height of a peg in contact until the mean force along z is `force` [N] to within
+  /// tolerance·force. `settled`: the force is constant already, as after a light touch. Throws
   /// AlignError `gave_way` or `press_not_held`.
   void hold(double force, double tolerance, bool settled = false);
-  /// The same, and the force is still within tolerance·force 0.2 s later with the peg at rest: all
-  /// commands have had their effect, also with an arm beside a busy machine. Throws AlignError
-  /// `press_not_held` where it goes on five times, `gave_way` as hold() over all.
+  /// As hold(), until the force is also within tolerance·force 0.2 s later and at rest, when all
+  /// commands have had their effect, even with an arm and a busy computer. Throws AlignError
+  /// `press_not_held` after five attempts, and `gave_way` as hold() for their whole travel.
   void holdStill(double force, double tolerance);
 
  private:
@@ -37,7 +37,7 @@ class PressController {
 
   GuardedCarrier& carrier_;
   double touch_z_ = 0.0;
-  double stiffness_;  // of the contact along z, from the last secant [N/m]
+  double stiffness_;  // of the contact along z, by the last two forces [N/m]
   DelayMeter delay_;
   bool delay_checked_ = false;
 };

@@ -13,13 +13,13 @@ struct ReportNoise {
   double rotation = 0.0;  ///< [rad]
 };
 
-/// Measures the report noise on blocks with the rest pose at rest, from the axes without a spring
-/// to swing in: height and tilts. Less than a micrometre and a microradian counts as zero: a
-/// swinging peg leaves as much.
+/// Measures this noise in blocks in which the carrier is at rest, from the axes that don't yield to
+/// a swinging peg: height and tilts. Below a micrometre and a microradian it counts as zero, since
+/// the swing causes as much.
 class ReportNoiseMeter {
  public:
   void add(const RestPose& at);
-  /// The next pose does not follow the last one at rest.
+  /// The next pose isn't compared with the last one.
   void interrupt() { last_.reset(); }
   ReportNoise noise() const;
 
@@ -29,15 +29,15 @@ class ReportNoiseMeter {
   int pairs_ = 0;
 };
 
-/// Whether the carrier is at its target. x, y and yaw yield; where the base isn't parallel to the
-/// yielding axes, the others yield a little as well: 2e-4 m and 4e-4 rad under 40 N, times a tilt
-/// of 0.05 rad. There, arrived means near and without motion since the block before: commands given
-/// in the last block of a move, within 20 µm, ended alignments of twin_force with force_limit. A
-/// noisy pose counts as arrived within four standard deviations; then blocksToEnd() more blocks are
-/// to be waited for, as it does not show the end of the move.
+/// Whether the carrier is at its target. Its x, y and yaw are compliant. Where the base isn't
+/// parallel to these axes, the others yield a little as well: 2e-4 m and 4e-4 rad under 40 N, times
+/// a tilt of 0.05 rad. In these axes it has arrived when it is near and hasn't moved since the
+/// block before: a command given within the last 20 µm of a move made alignments of `twin_force`
+/// end with `force_limit`. A noisy pose counts as arrived within four standard deviations. It
+/// doesn't show the end of the move, so blocksToEnd() more blocks have to be waited for.
 bool arrived(const RestPose& before, const RestPose& at, const RestPose& target,
              const ReportNoise& noise);
-/// Blocks from arrived() to the end of the move: 0 without report noise.
+/// Blocks from arrived() to the end of the move, 0 without noise.
 int blocksToEnd(const ReportNoise& noise);
 
 }  // namespace assembly_cell

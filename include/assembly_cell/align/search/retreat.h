@@ -5,28 +5,28 @@
 
 namespace assembly_cell {
 
-/// Recovery after a failed attempt: out of whatever the peg is in, and aside to another place.
+/// Recovery after a failed attempt: frees the peg and chooses another place.
 class Retreat {
  public:
   explicit Retreat(SearchState& state) : s_(state) {}
 
-  /// Frees the peg and lifts it by `travel` [m], zero checked; upright where the first pull fails.
-  /// Throws AlignError as retreatUp().
+  /// Frees the peg, lifts it by `travel` [m] and checks the zero. Where pulling it up tilted fails,
+  /// it is made upright first. Throws AlignError as retreatUp().
   void backOut(double travel);
-  /// The hole is on the low side of a peg tilted by R: later offsets lead away from it.
+  /// Makes later offsets lead away from the low side of a peg with axes R, where the hole is.
   void avoidLowSide(const Eigen::Matrix3d& R);
-  /// Lateral offset from a failed attempt, in S, another direction each time [m]. tilt: of the peg
-  /// at the next contact [rad].
+  /// Lateral offset of the next attempt from the failed one, in S, in another direction each time
+  /// [m]. tilt: the peg's at the next contact [rad].
   Eigen::Vector3d nextOffset(double tilt);
-  /// Lateral offset at which neither edge contact is steep: beyond √(R² − r²) the rim crosses the
-  /// edge ahead of the peg's middle, and the crossing's normal is within 20 degrees of upright at
-  /// this tilt. [m]
+  /// Least lateral offset at which neither contact of the edge is steep. Beyond √(R² − r²) the rim
+  /// crosses the edge ahead of the peg's middle, and there the normal is within 20 degrees of
+  /// upright at this tilt. [m]
   double trapWidth(double tilt) const;
 
  private:
   SearchState& s_;
-  Eigen::Vector3d aside_ = Eigen::Vector3d::UnitX();  // away from the hole, as far as is known
-  int offsets_ = 0;                                   // since aside_ was set
+  Eigen::Vector3d aside_ = Eigen::Vector3d::UnitX();  // away from the hole, if it is known
+  int offsets_ = 0;                                   // offsets since aside_ was set
 };
 
 }  // namespace assembly_cell

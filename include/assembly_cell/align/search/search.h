@@ -8,19 +8,20 @@
 
 namespace assembly_cell {
 
-/// The parts of a search, which strategies put together, and its frame: the path from the start to
-/// the result.
+/// The parts of a search, which strategies combine, and what all searches have in common from the
+/// start to the result.
 struct Search {
   Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
          const ProgressCallback& progress);
 
-  /// Hanging free at rest: S from here on. True when the peg is in the hole already: walls on all
-  /// four sides; its centre is known then, its axis isn't.
+  /// Waits until the peg hangs free and at rest; S is the carrier's frame there. True if the peg is
+  /// in the hole already, by walls on all four sides. Then the hole's centre is known, its axis
+  /// isn't.
   bool begin();
 
-  /// Runs `find`, which calls begin() and puts the peg's edge into the hole, then the insertion; a
-  /// peg that failed is freed. `summarise` adds what is known of the hole to the result; it is only
-  /// called where one was found. An AlignError becomes the result's failure; throws PlantError.
+  /// Runs `find`, which calls begin() and puts the peg's edge into the hole, then the insertion.
+  /// After a failure the peg is freed. `summarise` adds the estimate of the hole to the result, if
+  /// there is one. An AlignError becomes the result's failure. Throws PlantError.
   AlignResult run(const std::function<void()>& find,
                   const std::function<void(AlignResult&)>& summarise);
 
@@ -39,7 +40,7 @@ struct Search {
 /// hole's plane [m].
 Eigen::Vector2d holeOffset(const SearchState& state);
 
-/// The estimate of the hole as the result of a strategy.
+/// Writes the estimate of the hole into a result.
 void summariseHole(const SearchState& state, AlignResult& result);
 
 }  // namespace assembly_cell

@@ -13,52 +13,54 @@ namespace assembly_cell {
 
 using ProgressCallback = std::function<void(const AlignProgress&)>;
 
-/// What all parts of one search work with: the carrier, frame S, and what is known of the hole.
+/// What all parts of a search share: the carrier, frame S, and the estimate of the hole.
 struct SearchState {
   /// Waits for two blocks. All references must outlive the state. Throws PlantError.
   SearchState(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
               const ProgressCallback& progress);
 
-  /// S is the carrier's present pose.
+  /// Makes the carrier's present frame S.
   void startHere() { frame.startAt(carrier.last().carrier, carrier.last().time); }
-  /// Deflection of the coupling that frame `peg` includes, see absolute_deflection.
+  /// Deflection of the coupling from which the peg's pose follows, see absolute_deflection.
   Vector6 deflection() const;
-  /// The same of the peg hanging free at the carrier's target.
+  /// That of the free peg at the carrier's target.
   Vector6 freeDeflection() const;
-  /// Frame `peg` in S, with the deflection.
+  /// The peg's pose in S, with the deflection.
   Pose peg() const { return frame.pegPose(carrier.last().carrier, deflection()); }
-  /// Frame `peg` in S at the carrier's target, undeflected.
+  /// Pose in S of the undeflected peg at the carrier's target.
   Pose target() const { return frame.pegPose(carrier.target(), Vector6::Zero()); }
-  /// The peg hangs free and upright with its undeflected bottom centre at `bottom`, in S.
+  /// Sets `hanging` for a free, upright peg whose undeflected bottom centre is at `bottom`, in S.
   void setHanging(const Eigen::Vector3d& bottom);
-  /// Blocks for a duration of the default cell [s], at least one.
+  /// Number of blocks, at least one, for a duration in the default cell [s].
   int blocks(double duration) const;
   void report(const char* state, const std::string& message) const;
 
   const Mechanism& mechanism;
   const AlignParameters& p;
   const ProgressCallback& progress;
-  const Scale scale;  ///< constants of strategies are those of the default cell, times its factors
+  const Scale scale;  ///< factors of the strategies' constants, which are for the default cell
   GuardedCarrier carrier;
   PressController press;
   SearchFrame frame;
   double start_time;  ///< plant clock [s]
   double block;       ///< duration of a block [s]
-  /// deflection() has the coupling's own zero; false: that of the peg hanging at the start.
+  /// Whether deflection() is measured from the unloaded coupling, or from the peg hanging at the
+  /// start.
   bool absolute_deflection = false;
-  /// The upright free peg: its deflection(), and its bottom centre less the undeflected one, S [m].
+  /// Of the upright free peg: deflection(), and its bottom centre minus the undeflected one, in S
+  /// [m].
   struct Hanging {
     Vector6 deflection = Vector6::Zero();
     Eigen::Vector3d sag;
   } hanging;
 
-  int contacts = 0;   ///< readings taken
-  HoleEstimate hole;  ///< in S
-  bool found = false;
-  /// Of the hole, as the progress reports it; an sd of 0: not known.
+  int contacts = 0;    ///< number of readings
+  HoleEstimate hole;   ///< in S
+  bool found = false;  ///< whether there is an estimate of the hole
+  /// What the progress reports of the hole. A standard deviation of 0 means unknown.
   struct {
     double position_sd = 0.0, rotation_sd = 0.0;  // [m], [rad]
-    Clearance clearance;                          // by the drawing, bore walls and touches
+    Clearance clearance;                          // from drawing, bore walls and touches
   } known;
   InsertResult inserted;
 };

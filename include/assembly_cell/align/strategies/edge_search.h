@@ -10,32 +10,34 @@
 
 namespace assembly_cell {
 
-/// Locates the hole from the positions of touches: the peg's tilted edge on the face determines the
-/// plane and, where it sinks over the rim, roughly the hole; then the low edge is put into the hole
-/// and moved against its wall on three sides. Uses positions and thresholds of force only, so
-/// strain matrices and the mechanism need not be known well. Part of `touch` and `twin_force`.
+/// Locates the hole from the positions of touches. Touches of the tilted peg's edge determine the
+/// plane of the face and, where the edge sinks in over the rim, roughly the hole. Then the low edge
+/// is put into the hole and moved against its wall on three sides. Only positions and thresholds
+/// of force are used, so that strain matrices and the mechanism need not be known well. Part of the
+/// strategies `touch` and `twin_force`.
 class EdgeSearch {
  public:
   explicit EdgeSearch(Search& search);
 
-  /// One touch from above, over `bottom`, with the peg's axes along R in S; an old zero is taken
-  /// again there first. Adds a reading. Throws AlignError `not_free`, and `wedged` unless `known`.
+  /// Lowers the peg from above `bottom`, its axes along R in S, to a touch, and adds a reading. An
+  /// old zero is taken again before the descent. Throws AlignError `not_free`, and `wedged` unless
+  /// `known`.
   void touch(const Eigen::Matrix3d& R);
-  /// Adds a light touch as a reading.
+  /// Adds a touch as a reading.
   void add(const Touch& touch);
-  /// Plane and hole from the readings, into SearchState::hole. Throws AlignError
+  /// Fits plane and hole to the readings, into SearchState::hole. Throws AlignError
   /// `no_plane_reading`.
   void resolve();
-  /// The low edge into the hole, against its walls, and the entry; needs `known`. Throws AlignError
-  /// `not_inserted` after its attempts, and `too_tight` after these or a minute where by the
-  /// touches the peg is larger than the hole.
+  /// Puts the low edge into the hole, measures its walls, and enters; needs `known`. Throws
+  /// AlignError `no_hole_under_edge` where each attempt touched the face, `not_inserted` after its
+  /// attempts, and `too_tight` if the touches measured a peg that is larger than the hole.
   void enterByWalls();
 
   TouchModel model;
   std::vector<TouchReading> readings;
   Eigen::Vector3d bottom = Eigen::Vector3d::Zero();  ///< the peg's bottom centre, in S [m]
   bool known = false;                                ///< plane and, roughly, the hole
-  double min_move_sd = 0.0;  ///< of where moves end, per axis, whatever the readings show [m]
+  double min_move_sd = 0.0;  ///< least standard deviation of where moves end, per axis [m]
 
  private:
   double dip(const Eigen::Matrix3d& R) const;
@@ -57,14 +59,14 @@ class EdgeSearch {
   std::optional<Eigen::Vector3d> funnelled_;          // hole's centre when the chamfer was to lead
 };
 
-/// Tries to put the edge into a hole somewhere in the region of starts, over those of the default
-/// cell: more for a small peg.
+/// Number of attempts to put the edge into a hole in the region of starts, over that of the default
+/// cell: a small peg needs more.
 double moreDrops(const Mechanism& mechanism);
 
-/// From a peg's bottom centre to the hole's, in the plane. [m]
+/// Vector from a peg's bottom centre to the hole's centre, in the plane of the face. [m]
 Eigen::Vector3d toHole(const SearchState& s, const Eigen::Vector3d& bottom);
 
-/// Axes of a peg tilted against the normal, its low side at azimuth a [rad].
+/// Axes of a peg that is tilted against the normal by `tilt`, its low side at azimuth a [rad].
 Eigen::Matrix3d tiltedTo(const Eigen::Vector3d& normal, double a, double tilt);
 
 }  // namespace assembly_cell
