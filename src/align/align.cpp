@@ -104,7 +104,7 @@ void checkDepth(const Mechanism& mechanism, double insertion_depth) {
 // 1.07 of it; the others were held by the arm's guard, or ended with force_limit.
 constexpr double kLargestTouch = 0.45;
 
-// As given, or else as identified. [s]
+// Delay of the arm, as given or else as identified. [s]
 double armDelay(const Mechanism& mechanism, const AlignParameters& p) {
   return p.arm_delay > 0.0 ? p.arm_delay : mechanism.arm.delay;
 }

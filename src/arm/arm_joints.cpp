@@ -27,7 +27,7 @@ std::string plain(const std::string& name) {
   return out;
 }
 
-// The same name with a prefix or suffix on either side, another case or other separators.
+// Whether two names differ only by a prefix or suffix, by case or by separators.
 bool isSimilar(const std::string& one, const std::string& other) {
   const std::string a = plain(one), b = plain(other);
   if (a.empty() || b.empty()) return false;

@@ -25,8 +25,8 @@ constexpr double kReached = 1e-9;     // [m], and divided by kLever [rad]
 constexpr double kGoodEnough = 1e-7;  // the same where steps no longer improve
 constexpr double kMaxStep = 0.2;      // of a joint in one iteration [rad]
 constexpr int kSteps = 200;
-// Of a joint beyond its limit: rounding of encoders and of limits in degrees. The pose for the
-// joint at its limit is then within 10 µm up to a reach of 2 m. [rad], [m]
+// Tolerance of a joint beyond its limit, for rounding of encoders and of limits in degrees. The
+// pose for the joint at its limit is then within 10 µm up to a reach of 2 m. [rad], [m]
 constexpr double kLimitTolerance = 5e-6;
 using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 

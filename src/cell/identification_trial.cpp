@@ -21,7 +21,7 @@ constexpr double kEnds = 0.3;        // of each, at either end, that are left ou
 constexpr double kTransient = 0.15;  // of a prompt carrier after a turn [s]
 constexpr double kLags = 4.0;        // of the drive, that it is longer by
 
-// The same cell without noise: in ramps to and fro the force differs by what it lags behind.
+// Response of the same cell without noise. In ramps to and fro the force differs by its lag.
 ArmResponse trueResponse(const Scenario& truth, const Mechanism& nominal, CellParameters cell,
                          const ArmPlan& plan) {
   CarrierTruth& carrier = cell.truth.carrier;

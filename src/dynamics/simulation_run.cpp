@@ -21,7 +21,7 @@ namespace {
 // Half and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves
 // by 2 nm.
 constexpr double kShortest = 2e-6;  // [s]
-// The same where its face can rest: the resolution of an event.
+// Shortest step where the peg's face can rest: the resolution of an event.
 constexpr double kShortestOnGround = 1e-12;  // [s]
 // No result changes at half or twice of these.
 constexpr double kStepFloor =

@@ -122,7 +122,7 @@ struct Peg {
   }
 };
 
-// The same with heights above a horizontal section that is lower by `by`.
+// The peg with heights above a horizontal section that is lower by `by`.
 inline Peg raised(const Peg& e, double by) {
   Peg up = e;
   up.center += by * Vec3(1.0, e.lean(1), e.lean(2));
@@ -320,8 +320,8 @@ inline void leanBack(const Peg& seen, ContactPoint& contact) {
   contact.rim += contact.rim(0) * seen.lean;
 }
 
-// The same for wall and cone, with normal and gap from the gradient of the gap; rise: its component
-// along the first axis by the inclination.
+// Contact of the inclined wall or cone, with normal and gap from the gradient of the gap; rise: its
+// component along the first axis by the inclination.
 inline void leanWall(const Peg& seen, double rise, ContactPoint& contact) {
   contact.normal(0) += rise;
   contact.tangent(0) = -levelDot(seen.lean, contact.tangent);

@@ -98,8 +98,8 @@ double leastEigenvalue(const Matrix6& symmetric) {
       .minCoeff();
 }
 
-// Of a matrix with cross terms besides k26 and k35: each entry is divided by the roots of its two
-// diagonal entries, so that units don't count.
+// Checks a matrix with cross terms besides k26 and k35. Each entry is divided by the roots of its
+// two diagonal entries, so that units don't count.
 std::optional<MechanismProblem> indefinite(const CouplingMatrix& stiffness) {
   if (stiffness.cross.isZero(0.0)) return {};
   const Vector6 size = stiffness.diagonal.cwiseSqrt();

@@ -18,7 +18,7 @@ using yaml::shown;
 constexpr const char* kForms =
     "give a number, {normal: SD}, {uniform: [LOW, HIGH]} or {log_uniform: [LOW, HIGH]}";
 
-// Of scale.clearance: a hole that much wider than the peg holds none, and where there is no
+// Limits of scale.clearance. A hole that much wider than the peg doesn't guide it, and without
 // clearance the contacts of a run can't be separated.
 constexpr double kMostClearances = 100.0, kLeastClearances = 1e-3;
 

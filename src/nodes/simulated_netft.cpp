@@ -57,7 +57,7 @@ class SimulatedNetft {
     while (measured_.size() > 2 * block.volts.size() / 6) measured_.pop_front();
   }
 
-  // Of the next record: a box measures at its own pace, not a block at a time.
+  // Load of the next record. A device measures at its own rate, not a block at a time.
   Load next() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!measured_.empty()) {

@@ -104,7 +104,7 @@ struct Task {
   IdentificationPrior prior;
   IdentificationPlan plan;
 
-  // As the seed draws it; its sensors and carrier go into `cell`.
+  // The cell that the seed draws; its sensors and carrier go into `cell`.
   Scenario truthOf(std::uint64_t seed, CellParameters& cell) const {
     cell.seed = seed;
     if (!mismatch) return scenario;

@@ -76,7 +76,7 @@ struct AlignResult {
   double tilt_sd = 0.0;        ///< [rad]
   /// Estimated clearance, hole's less peg's radius: drawn, by touches and between walls [m]
   Clearance clearance;
-  /// The same offset from wrenches alone, before touches and walls; twin_force only. [m]
+  /// Offset from wrenches alone, before touches and walls; twin_force only. [m]
   std::optional<Eigen::Vector2d> wrench_offset;
   Eigen::Matrix2d wrench_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
   int contacts = 0;                                             ///< readings taken
@@ -84,25 +84,25 @@ struct AlignResult {
   /// Plant clock when the peg hung at rest, before its first move [s]
   double reference_time = 0.0;
   std::vector<DirectionReading> readings;  ///< of the last estimate
-  /// Of the bottom edge below the plane at the end; 0 without success, or where the peg was in the
-  /// hole already, its face not touched. [m]
+  /// Depth of the bottom edge below the plane at the end. 0 without success, and where the peg was
+  /// in the hole from the start, so that the face was not touched. [m]
   double depth = 0.0;
   InsertResult insert;
 };
 
 /// Descent of an arm to its first touch.
 struct ArmTouch {
-  double slower = 1.0;  ///< of its speed, where the mount needs that: 45 % of the force limit hold
+  double slower = 1.0;  ///< factor of the speed that keeps the force below 45 % of the limit
   double speed = 0.0;   ///< [m/s]
-  double force = 0.0;   ///< before it stops, at most [N]
+  double force = 0.0;   ///< greatest force before the arm has stopped [N]
 };
 
-/// By the arm's delay of the parameters, or where that is 0 of the mechanism; see
-/// docs/how_to/arm.md.
+/// The first touch with the arm's delay of the parameters or, where that is 0, of the mechanism;
+/// see docs/how_to/arm.md.
 ArmTouch armTouch(const Mechanism& mechanism, const AlignParameters& parameters);
 
-/// checkParameters() and what these parts can't do. Throws InputError naming the parameter or the
-/// mechanism's key.
+/// checkParameters(), and whether the goal is possible with this mechanism and these sensors.
+/// Throws InputError naming the parameter or the mechanism's key.
 void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters,
                Sensors sensors = Sensors::kBoth);
 

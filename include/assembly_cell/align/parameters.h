@@ -77,7 +77,7 @@ std::vector<std::string> strategyNames();
 /// What a person can set; `insert.depth` and `insert.floor` are of a goal.
 void fields(FieldList& f, InsertParameters& p);
 void fields(FieldList& f, AlignParameters& p);
-/// The same without the insertion.
+/// The fields without those of the insertion.
 void alignFields(FieldList& f, AlignParameters& p);
 
 /// Throws InputError naming the parameter, its value and its range.

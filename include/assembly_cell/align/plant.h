@@ -19,8 +19,8 @@ struct LocusRequest {
   double duration = 0.0;  ///< [s]
 };
 
-/// Limits that end a step early where blocks are shorter than steps, see step.h: of sensor_b's
-/// force minus `reference`.
+/// Limits of sensor_b's force minus `reference`, beyond which a step ends early. They have an
+/// effect where blocks are shorter than steps, see step.h.
 struct ForceAlarm {
   Eigen::Vector3d reference = Eigen::Vector3d::Zero();        ///< [N]
   double force = std::numeric_limits<double>::infinity();     ///< [N]
@@ -68,7 +68,7 @@ class Plant {
   /// Carries out the command, waits for the next block and returns it. Throws PlantError when the
   /// plant stopped, timed out or was cancelled.
   virtual PlantBlock next(const PlantCommand& command) = 0;
-  /// Of both sensors, see twin_sensing.h; null: strategies have sensor_b alone.
+  /// Contacts measured by both sensors, see twin_sensing.h; null with sensor_b alone.
   virtual TwinForceSensing* twinForce() { return nullptr; }
 };
 

@@ -31,7 +31,7 @@ class ArmController {
   void commandJoints(const std::vector<std::string>& names, const std::vector<double>& positions,
                      double time);
   void commandPose(const Pose& X_base_flange, double time);
-  /// Of the flange in the arm's base; integrated until the next one, for at most 0.1 s.
+  /// Twist of the flange in the arm's base. It is integrated until the next one, for 0.1 s at most.
   void commandTwist(const Vector6& twist, double time);
 
  private:

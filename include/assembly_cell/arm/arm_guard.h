@@ -144,7 +144,7 @@ void tick(ArmGuard& arm, double now);
 
 /// Brings the arm to rest, exciter off.
 void hold(ArmGuard& arm, ArmReason reason, const std::string& text);
-/// The same until the bridge is restarted.
+/// Stops the arm until the bridge is restarted.
 void stopForGood(ArmGuard& arm, const std::string& text);
 /// Ends a hold on a person's request. Empty, or the reason why the arm stays held.
 std::string resume(ArmGuard& arm, double now);

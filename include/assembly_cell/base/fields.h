@@ -48,7 +48,7 @@ struct Field {
   std::function<std::int64_t()> get;
   std::function<void(std::int64_t)> set;
   std::vector<std::string> names;  ///< of a choice
-  /// Of kOther, which only a file has: reads the key `name()` of a section.
+  /// For kOther, which only a file has: reads the key `name()` of a section.
   std::function<void(yaml::Section&)> read;
 
   const char* entries = nullptr;  ///< of a row: what its numbers are, in words; null: not said
@@ -158,7 +158,7 @@ FieldList fieldsOf(Struct& value) {
 /// Sets the field of a path from a text. Throws KeyError for an unknown path, InputError for a
 /// value that is none: "PATH: value VALUE: give ...".
 void setField(const FieldList& fields, const std::string& path, const std::string& text);
-/// The same from "PATH=VALUE".
+/// Sets a field from "PATH=VALUE".
 void setField(const FieldList& fields, const std::string& assignment);
 
 /// Throws InputError for the first number out of its range: "PATH: value VALUE: give ...".

@@ -28,7 +28,7 @@ enum class FileKind {
 /// Refuses what is plainly of another kind than `wanted`, with one line that names both.
 void refuseOtherKind(const YAML::Node& root, FileKind wanted, const std::string& source);
 
-/// The same for XML, which is no YAML.
+/// Refuses a file of XML where one of YAML is wanted.
 void refuseXml(const std::string& text, FileKind wanted, const std::string& source);
 
 }  // namespace assembly_cell::yaml

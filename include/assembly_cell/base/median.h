@@ -10,7 +10,7 @@ namespace assembly_cell {
 double upperMedian(std::vector<double>& values);
 double upperMedian(std::vector<double>&& values);
 
-/// Of the differences between neighbours, at least two times in order [unit of times].
+/// Median of the differences between neighbours of at least two times in order [unit of times].
 double medianSpacing(const std::vector<double>& times);
 
 }  // namespace assembly_cell

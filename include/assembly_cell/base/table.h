@@ -24,7 +24,7 @@ enum class Quantity { kForce, kTorque, kLength, kAngle, kVoltage };
 struct Table {
   std::string path;
   bool header = false;
-  /// Of the columns, as columnName() makes them.
+  /// Names of the columns, as columnName() makes them.
   std::vector<std::string> names;
   std::vector<std::string> units;         ///< of the header, as written there; empty: none
   std::vector<std::vector<double>> rows;  ///< as many cells each as there are names
@@ -62,7 +62,7 @@ struct Table {
 Table readTable(const std::string& path, const std::vector<std::string>& names,
                 bool blanks = false);
 
-/// The same of a text; `path` names it in messages.
+/// The table of a text; `path` names it in messages.
 Table tableFromText(const std::string& text, const std::string& path,
                     const std::vector<std::string>& names, bool blanks = false);
 Table tableFromStream(std::istream& stream, const std::string& path,

@@ -27,7 +27,7 @@ bool parseInteger(const std::string& text, long& value);
 
 /// Numbers as a list on one line, "[1.0, 2.5]".
 std::string yamlList(const double* values, std::size_t count);
-/// The same of a std::vector, or an Eigen vector or row-major matrix.
+/// Text of a std::vector, or of an Eigen vector or row-major matrix.
 template <class Numbers>
 std::string yamlList(const Numbers& numbers) {
   return yamlList(numbers.data(), static_cast<std::size_t>(numbers.size()));

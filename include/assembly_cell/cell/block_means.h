@@ -17,8 +17,8 @@ class SampleSum {
 
   int spacing() const { return spacing_; }
   int nodes() const { return samples_ / spacing_; }
-  /// Of the value at sample node·spacing, counted from 1; node 0 is the block's start. All sum to
-  /// the number of samples; none is below 0.
+  /// Weight of the value at sample node·spacing, counted from 1; node 0 is the block's start. All
+  /// sum to the number of samples; none is below 0.
   double weight(int node) const;
 
  private:

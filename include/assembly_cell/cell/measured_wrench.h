@@ -22,7 +22,7 @@ class MeasuredWrench {
 
   /// The value depends on earlier samples: none may be left out.
   bool remembers() const { return truth_.latency > 0.0 || truth_.walk > 0.0; }
-  /// Of the hum, 0 without [rad/s].
+  /// Angular frequency of the hum, 0 without one [rad/s].
   double humRate() const { return truth_.hum.isZero(0.0) ? 0.0 : 2 * M_PI * truth_.hum_frequency; }
 
  private:

@@ -32,7 +32,7 @@ class TrueCarrier {
   void settle(SimulatorBackend& world);
   /// What the encoders report now; every call draws its noise.
   Pose report(const SimulatorBackend& world);
-  /// The same without noise.
+  /// The reported pose without noise.
   Pose encoders(const SimulatorBackend& world) const;
 
  private:

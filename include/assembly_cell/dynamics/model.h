@@ -78,8 +78,8 @@ struct Drive {
   ExciterErrors errors{};
 };
 Eigen::Vector2d exciterForce(const Drive& drive, double t);
-/// The same from a direction near that of the force; `near` is recomputed where it is more than
-/// 0.2 rad off.
+/// As the overload without it, from a direction near that of the force; `near` is recomputed where
+/// it is more than 0.2 rad off.
 Eigen::Vector2d exciterForce(const Drive& drive, double t, Direction& near);
 
 /// Kinematics of the peg at a state, thesis axes.

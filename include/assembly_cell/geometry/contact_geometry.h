@@ -73,11 +73,13 @@ const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_
 ///   3, 4  edge_wall: a slot follows its point from call to call; at first, the farther one is 3
 ///   5, 6  rim_side: likewise, the nearer one is 5
 ///   7     rim_face
-/// Of a hole with a chamfer 0 to 2 and 7 are at its upper edge, 3 to 6 at and below its lower edge:
+/// With a chamfer on the hole, slots 0 to 2 and 7 are at its upper edge, 3 to 6 at and below its
+/// lower edge:
 ///   8, 9  edge_edge at the lower edge, as 0, 1
 ///   10, 11  edge_cone: likewise, the deeper one is 10
 ///   12, 13  rim_side at the upper edge, as 5, 6: of a peg with more tilt than the chamfer
-/// Of a peg with a chamfer, 0 to 4 and 7 to 11 belong to its bottom edge; slots of its shoulder:
+/// With a chamfer on the peg, slots 0 to 4 and 7 to 11 belong to its bottom edge; slots of its
+/// shoulder:
 ///   14, 15  edge_edge, as 0, 1;  16, 17  as 8, 9
 ///   18      edge_plane, as 2;    19, 20  edge_wall, as 3, 4;  21, 22  edge_cone, as 10, 11
 /// and of its chamfer:

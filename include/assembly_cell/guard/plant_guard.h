@@ -147,7 +147,7 @@ inline bool exceeds(const Vector6& load, const Load& limit) {
   return !(load.head<3>().squaredNorm() <= limit.force * limit.force &&
            load.tail<3>().squaredNorm() <= limit.torque * limit.torque);
 }
-/// Of the limits, the detectionThreshold().
+/// detectionThreshold() over the limits.
 inline constexpr double kDetectable = 0.1;
 /// Load below which no contact is detected, and a stop isn't predicted.
 inline Load detectionThreshold(const GuardLimits& limits) {

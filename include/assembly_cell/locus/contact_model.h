@@ -77,8 +77,8 @@ DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPo
 struct Posture {
   Eigen::Vector2d tilt = Eigen::Vector2d::Zero();         ///< as in OperatingPoint [rad]
   Eigen::Vector2d sensor_tilt = Eigen::Vector2d::Zero();  ///< [rad]
-  /// Of the peg on the sensor, hole axes; its arm moves with the deflection, zero leaves the arm
-  /// out. [N]
+  /// Weight of the peg on the sensor, hole axes; its arm moves with the deflection, zero leaves the
+  /// arm out. [N]
   Eigen::Vector3d static_force = Eigen::Vector3d::Zero();
   double compliance = 0.0;  ///< as in OperatingPoint [m/N]
 };

@@ -11,8 +11,8 @@ namespace assembly_cell {
 struct SlidingFriction {
   double coefficient = 0.0;
   double sd = 0.0;
-  /// Of the force that turns with the exciter, the fraction across the slip instead of against it:
-  /// 0 where Coulomb's law holds, large where the peg does not slide on a circle.
+  /// Fraction of the force that turns with the exciter which is across the slip instead of against
+  /// it: 0 where Coulomb's law holds, large where the peg does not slide on a circle.
   double across = 0.0;
 };
 
@@ -20,10 +20,10 @@ struct SlidingFriction {
 /// force: the exciter's [N]; press: contact force [N], positive.
 SlidingFriction slidingFriction(const Locus& locus, double force, double press);
 
-/// The same through the mechanism, damping, rocking and carrier included: the motion follows from
-/// the six displacements of the coupling, the contact force from the motion; μ is its component
-/// against the slip of the peg's bottom, over the press. Throws InputError as contactResponse, and
-/// for a press of 0.
+/// Friction through the whole mechanism, damping, rocking and carrier included: the motion follows
+/// from the six displacements of the coupling, the contact force from the motion; μ is its
+/// component against the slip of the peg's bottom, over the press. Throws InputError as
+/// contactResponse, and for a press of 0.
 SlidingFriction slidingFriction(const Mechanism& mechanism, const OperatingPoint& point,
                                 const HarmonicFit& fit);
 

@@ -32,10 +32,10 @@ class SlidingFit {
   std::size_t samples() const { return count_; }  ///< in the window
   bool full() const { return count_ == ring_.size(); }
 
-  /// Of the samples in the window; noise is what the fit leaves, offsets are those at the window's
-  /// centre, signals beyond kSignals are zero. Throws InputError with fewer than 8 samples, or
-  /// where they do not resolve the exciter's angle (less than a good part of a turn, or always the
-  /// same angles).
+  /// Fit to the samples in the window; noise is what the fit leaves, offsets are those at the
+  /// window's centre, signals beyond kSignals are zero. Throws InputError with fewer than 8
+  /// samples, or where they do not resolve the exciter's angle (less than a good part of a turn, or
+  /// always the same angles).
   HarmonicFit fit() const;
 
  private:

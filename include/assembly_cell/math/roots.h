@@ -22,7 +22,7 @@ Bracket bisect(double low, double high, const Predicate& holds, double width = 0
   return bisect(low, high, ask, &holds, width, halvings);
 }
 
-/// The same for a function with values of unlike sign at the ends, a few calls where it is smooth:
+/// Encloses a root of a function with values of unlike sign at the ends, in a few calls if smooth:
 /// Alefeld, Potra & Shi, ACM TOMS 21 (1995), algorithm 748. Both ends where it is exactly zero.
 /// Throws std::domain_error where the signs are alike.
 Bracket rootIn(double low, double high, double (*value)(const void* function, double x),

@@ -22,7 +22,7 @@ inline void requireNotNegative(const char* name, double value) {
   if (!(value >= 0.0) || !std::isfinite(value)) refuse(name, value, "give a number, at least 0");
 }
 
-/// The same of several, each with its name.
+/// Throws unless all of several values are finite, each with its name.
 using Named = std::initializer_list<std::pair<const char*, double>>;
 inline void requireFinite(Named values) {
   for (const auto& v : values) requireFinite(v.first, v.second);

@@ -44,26 +44,26 @@ struct HoleParameters {
   RadiusTolerance radius_tolerance = kNoTolerance;
 };
 
-/// Between which a chamfer's angle lies [rad].
+/// Limits of a chamfer's angle [rad].
 constexpr double kMinChamferAngle = 0.1, kMaxChamferAngle = 1.4;
 
 /// Radius at the face: of the chamfer's outer edge [m].
 inline double mouthRadius(const HoleParameters& hole) { return hole.radius + hole.chamfer_width; }
 
-/// Of the block, which a chamfer must not reach [m].
+/// Radius of the block with the hole, which a chamfer must not reach [m].
 inline double blockRadius(const HoleParameters& hole) {
   return std::max(0.045, hole.radius + 0.0199);
 }
 
-/// How deep the chamfer goes [m].
+/// Depth of the chamfer [m].
 inline double chamferDepth(const HoleParameters& hole) {
   return hole.chamfer_width / std::tan(hole.chamfer_angle);
 }
-/// How high it goes, up to the shoulder, where the peg's side begins [m].
+/// Height of the chamfer up to the shoulder, where the peg's side begins [m].
 inline double chamferHeight(const PegParameters& peg) {
   return peg.chamfer_width / std::tan(peg.chamfer_angle);
 }
-/// Of the bottom edge [m].
+/// Radius of the bottom edge [m].
 inline double tipRadius(const PegParameters& peg) { return peg.radius - peg.chamfer_width; }
 
 /// Rest pose of the mechanism: position of the coupling point and the commanded tilt. Thesis x2e,
@@ -103,7 +103,7 @@ struct CouplingMatrix {
 Matrix6 fullMatrix(const CouplingMatrix& matrix);
 /// From the diagonal and the entries above it.
 CouplingMatrix couplingMatrix(const Matrix6& full);
-/// Each row and column by the root of its factor, so that the diagonal has the factors.
+/// Multiplies each row and column by the root of its factor, so that the diagonal has the factors.
 void scaleRows(CouplingMatrix& matrix, const Vector6& factors);
 
 /// What the coupling's springs and dampers turn with. kHole: nothing, their axes are those of
@@ -178,7 +178,7 @@ std::optional<MechanismProblem> problemOfTheta(const std::string& key, double th
 /// override is "key.path=value". Throws InputError naming file, key path, value and remedy.
 Mechanism loadMechanism(const std::string& path, const std::vector<std::string>& overrides = {});
 
-/// The same of a file's text; `source` is what messages call it.
+/// The mechanism of a file's text; `source` names it in messages.
 Mechanism parseMechanism(const std::string& text, const std::string& source,
                          const std::vector<std::string>& overrides = {});
 

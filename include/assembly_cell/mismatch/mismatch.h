@@ -44,7 +44,7 @@ struct Mismatch {
 /// Reads a mismatch file. Throws InputError naming file, key path, value and remedy: unreadable
 /// file, unknown or duplicate key, wrong kind, a draw that can be unphysical whatever the scenario.
 Mismatch loadMismatch(const std::string& path);
-/// The same from text; `source` names it in messages.
+/// Reads a mismatch from text; `source` names it in messages.
 Mismatch parseMismatch(const std::string& yaml, const std::string& source);
 
 /// Throws InputError if the file has a key of the carrier's drive (latency, jitter, lag,

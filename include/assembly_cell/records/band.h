@@ -25,8 +25,8 @@ struct BandSettings {
   BandSettings();
 };
 
-/// Of one quantity of a curve: mean and standard deviation of the smallest and of the largest value
-/// in each cell, over the learning half.
+/// Band of one quantity of a curve: mean and standard deviation of the smallest and of the largest
+/// value in each cell, over the learning half.
 struct BandChannel {
   std::string quantity;
   std::vector<double> low, low_sd, high, high_sd;

@@ -77,7 +77,7 @@ struct Imperfections {
   /// Behind the carrier's encoders, x, y, z [m/N]: the rest pose shifts by so much of the
   /// coupling's force, through a first-order lag of 10 ms.
   Eigen::Vector3d compliance = Eigen::Vector3d::Zero();
-  /// Of the bore's axis, x and y per unit of height: the tangent of its tilt.
+  /// Slope of the bore's axis, x and y per unit of height: the tangent of its tilt.
   Eigen::Vector2d bore_lean = Eigen::Vector2d::Zero();
 };
 
@@ -103,7 +103,7 @@ void fields(FieldList& f, Scenario& s);
 /// unknown, missing or duplicate key, wrong type or size, non-finite or unphysical value.
 Scenario loadScenario(const std::string& path, const std::vector<std::string>& overrides = {});
 
-/// The same from text; `source` names it in messages.
+/// Reads a scenario from text; `source` names it in messages.
 Scenario parseScenario(const std::string& yaml, const std::string& source,
                        const std::vector<std::string>& overrides = {});
 

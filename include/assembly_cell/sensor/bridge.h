@@ -75,7 +75,7 @@ class NormalSource {
  public:
   explicit NormalSource(std::uint64_t seed) : engine_(seed) {}
   double operator()();
-  /// Of the squares of so many normal numbers, 1 or more.
+  /// Sum of the squares of `count` normal numbers, 1 or more.
   double sumOfSquares(int count);
 
  private:
@@ -89,7 +89,7 @@ class NormalSource {
 StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w,
                      NormalSource& normal);
 
-/// The same for strain volts as of deflect().
+/// convert() from the strain volts of deflect().
 StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal);
 
 /// Input of the converters by strain volts without noise: with the bridge's offsets at its
@@ -99,7 +99,7 @@ Vector6 converterInput(const Bridge& bridge, const Vector6& volts);
 /// Step of the converters [V].
 double resolution(const Bridge& bridge);
 
-/// Of a sample, by noise and rounding [V²].
+/// Variance of a sample by noise and rounding [V²].
 double sampleVariance(const Bridge& bridge);
 
 }  // namespace assembly_cell

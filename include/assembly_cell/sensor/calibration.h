@@ -55,10 +55,10 @@ struct Calibration {
   FitStatistics wrench_fit, displacement_fit;
   std::string observations_digest;  ///< what it was made from; empty: by design
 
-  /// Of the coefficients, row after row: 36 × 36 or 162 × 162; 0 × 0: unknown.
+  /// Covariance of the coefficients, row after row: 36 × 36 or 162 × 162; 0 × 0: unknown.
   Eigen::MatrixXd wrench_covariance;
-  /// Of the coefficients of one row, for unit variance of an output: 6 × 6 or 27 × 27; 0 × 0:
-  /// unknown. Rows are independent, row i is this times displacement_variance[i].
+  /// Covariance of the coefficients of one row, for unit variance of an output: 6 × 6 or 27 × 27;
+  /// 0 × 0: unknown. Rows are independent; that of row i is this times displacement_variance[i].
   Eigen::MatrixXd displacement_covariance;
   Vector6 displacement_variance = Vector6::Zero();  ///< [m²], [rad²]
 };

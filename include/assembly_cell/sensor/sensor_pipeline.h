@@ -62,7 +62,7 @@ class SensorPipeline {
 
   ZeroMeasurement& zero() { return zero_; }
   StreamStatistics& statistics() { return statistics_; }
-  /// Of the samples as they come in; a zero in progress fails once they are frozen.
+  /// Detects frozen samples among those that come in; a zero in progress then fails.
   FrozenReadings& frozen() { return frozen_; }
 
  private:

@@ -65,8 +65,8 @@ struct SourceBlock {
   std::array<double, 6 * kBlockCapacity> values{};
   std::array<std::uint8_t, kBlockCapacity>
       saturated{};  ///< bit k: channel k at an end of its range
-  /// Of the first sample. Sample k has sequence + k. Grows as long as the object lives; what it
-  /// skips wasn't delivered (lost, late, faulty, stale).
+  /// Number of the first sample; sample k has sequence + k. It grows as long as the object exists.
+  /// Numbers that it skips were not delivered (lost, late, faulty, stale).
   std::uint64_t sequence = 0;
   /// Changes whenever the device's numbering restarts (open, restart): the time between two
   /// blocks then doesn't follow from their sequence.
@@ -155,7 +155,7 @@ class StrainSource {
 
   bool isOpen() const { return open_.load(std::memory_order_acquire); }
 
-  /// Of the latest open().
+  /// What the source reported at the latest open().
   const SourceInfo& info() const { return info_; }
 
   SourceCounters counters() const;
@@ -179,8 +179,8 @@ class StrainSource {
   virtual void doConfigure(const YAML::Node& parameters) = 0;
   /// As open(): fills info_. What it opened before it throws, it closes.
   virtual void doOpen() = 0;
-  /// As read(), with a point in time; block is empty with NaN and zeros. Fills it, counts in
-  /// counts_.
+  /// As read(), with a point in time instead of a duration. Fills the block, which is empty, with
+  /// NaN and zeros, and counts in counts_.
   virtual ReadResult doRead(SourceBlock& block, Clock::time_point deadline) = 0;
   /// Lets everything go; never called while doOpen or doRead runs. A derived class with something
   /// to stop calls close() in its destructor.

@@ -67,8 +67,8 @@ struct TwinForceOptions {
   std::optional<Matrix12>
       tare_covariance;  ///< covariance of an offset (w_A, w_b) common to all contacts,
                         ///< mean 0; semidefinite; maximum likelihood only
-  /// Of both sensors; maximum likelihood only. Contacts that are consistent without errors are
-  /// estimated without.
+  /// Errors of both sensors, for maximum likelihood only. Contacts that are consistent without
+  /// sensor errors are estimated without them.
   std::optional<TwinErrors> errors;
   double required_position = 1e-3;  ///< s_T: required accuracy per axis [m]
   double required_rotation = 1e-2;  ///< s_φ [rad]
@@ -100,7 +100,7 @@ struct TwinForceEstimate {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< rotation of `pose`, w ≥ 0
   Matrix6 covariance =
       Matrix6::Zero();  ///< covariance of δ over the observable directions, always finite
-  /// Of each component of δ; infinite if a null direction contributes to it.
+  /// Variance of each component of δ; infinite if a null direction contributes to it.
   Vector6 variance = Vector6::Constant(std::numeric_limits<double>::infinity());
   Matrix6 information = Matrix6::Zero();  ///< Fisher information, prior included; finite
   double chi2 = 0.0;

@@ -40,13 +40,14 @@ constexpr double kCircle = 1e-3;     // and the tolerance of its circle
 constexpr int kHeldBisections = 14;  // of a step, for the highest circle inside the bore
 constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, at any carrier pose [m]
-// Of where moves end, before any touch: few touches have hardly a degree of freedom. Without it the
-// stated variance of the centre is two thirds of its error's at level 2. [m]
+// Prior of where moves end: standard deviation [m], and the number of moves that it counts as. A
+// few touches have hardly a degree of freedom; without the prior the stated variance of the centre
+// is two thirds of its error's at level 2.
 constexpr double kMoveSd = 3e-5, kPriorMoves = 3.0;
 constexpr double kSecondSd = 1e-4;  // of the heights of two points that a peg rests on [m]
 constexpr double kOutlier = 16.0;   // squared residual beyond which a reading counts less
 
-// Of a point of the peg's edge from its axis, peg axes.
+// Direction from the peg's axis to a point of its edge, peg axes.
 using Direction = Vec2;
 Direction direction(double azimuth) { return {std::cos(azimuth), std::sin(azimuth)}; }
 Direction turned(const Direction& a, const Direction& by) {

@@ -10,7 +10,7 @@
 namespace assembly_cell {
 namespace {
 
-// Of the default cell, config/scenarios/cell.yaml.
+// Numbers of the default cell, config/scenarios/cell.yaml.
 constexpr double kRadius = 0.025;                // [m]
 constexpr double kMass = 0.395, kGravity = 9.8;  // [kg], [m/s²]
 constexpr double kPress = 3.2626e-5;             // [m/N]

@@ -41,7 +41,8 @@ Loads loadsOf(const std::vector<DeadWeight>& rows) {
   return out;
 }
 
-// The same reading to the last digit under other loads, and axes that never move.
+// Finds readings that are equal to the last digit under different loads, and axes that never
+// change.
 void frozen(const std::vector<DeadWeight>& rows, const Loads& loads,
             std::vector<std::string>& out) {
   for (Index k = 0; k < 6; ++k) {

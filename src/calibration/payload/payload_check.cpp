@@ -43,7 +43,7 @@ std::string rowList(const std::vector<std::size_t>& rows) {
   return out;
 }
 
-// The same wrench to the last digit, though the vertical turned in the sensor.
+// Finds wrenches that are equal to the last digit, though the vertical turned in the sensor.
 std::vector<std::string> repeated(const std::vector<StaticPose>& poses,
                                   const std::vector<Vector6>& wrenches) {
   std::map<std::array<double, 6>, std::vector<std::size_t>> groups;

@@ -58,7 +58,7 @@ int equationsOf(const ForceSystem& system);
 /// Equations of all usable force observations; rows 3 leaves moments and indentations out.
 ForceSystem buildSystem(const ObservationSet& set, const ForceSettings& settings, int rows);
 
-/// The same loads with the noise-free strains of sensors that have the nominal matrices.
+/// The system's loads with noise-free strains of sensors that have the nominal matrices.
 ForceSystem noiseFree(const ForceSystem& system, const ObservationSet& set);
 
 /// Rank at 10⁻⁸ and condition of the column-scaled design, with the vector of the smallest
@@ -86,7 +86,7 @@ Eigen::MatrixXd whitenedRows(const ForceTest& test, const PerSide<Eigen::MatrixX
 /// Rows of the design matrix of one test at these strains.
 void designRows(const ForceTest& test, int rows, int terms, const PerSide<Vector6>& strain,
                 Eigen::Ref<Eigen::MatrixXd> A);
-/// The same of all tests in use, at their own strains.
+/// Design of all tests in use, at their own strains.
 Eigen::MatrixXd designOf(const ForceSystem& system, int terms);
 
 struct ForceFit {

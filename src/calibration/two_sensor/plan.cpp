@@ -79,7 +79,7 @@ LoadRequest reacting(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   return request;
 }
 
-// The same bolted together: any wrench within the rated load of both sensors.
+// Load of sensors that are bolted together: any wrench within the rated load of both.
 LoadRequest bolted(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   LoadRequest request;
   request.target.kind = ObservationKind::kReacting;

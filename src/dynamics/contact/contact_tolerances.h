@@ -31,7 +31,7 @@ constexpr double kWedged = 1e-3;
 // Limit of the internal force of two sticking points over their load; with a lower one a peg that
 // rests wedged begins to slide. 7 scenes each; jammed runs take 43 % and 14 % more.
 constexpr double kLoads = 2.0;
-// The same where no slip is consistent.
+// The factor where no slip is consistent.
 constexpr double kWedgeLoads = 100.0;
 // Approach speed tolerated after an impact, above the rounding of impulses: 3 scenes and one, by 3
 // nm.

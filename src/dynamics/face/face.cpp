@@ -22,8 +22,8 @@ using Vec3 = Eigen::Vector3d;
 // Height of the highest point of a face below which it is in contact: half of the tolerance, and at
 // most half of kReach. Half and twice: 9 and 10 scenes end elsewhere, effort +10 % and −2 %.
 constexpr double kContactHeight = 0.5, kMaxContactHeight = 5e-10;  // over the tolerance; [m]
-// The same under the rigid law, which sets gaps to zero: the resolution of an event. At 1e-12 and
-// 1e-11, 7 and 3 of 485 scenes of test_agreement exceed the tolerance, here 4.
+// That height under the rigid law, which sets gaps to zero: the resolution of an event. At 1e-12
+// and 1e-11, 7 and 3 of 485 scenes of test_agreement exceed the tolerance, here 4.
 constexpr double kRigidContactHeight = 3e-13;  // [m]
 // Hysteresis: height at which a face contact opens, over that at which it closes. Half and twice:
 // 15 and 17 scenes, effort +5 % and +3 %.
@@ -133,7 +133,7 @@ bool stopFace(const System& s, Context& c, Evaluation& e) {
   return true;
 }
 
-// The same for sequential impacts of points, as of a peg on two crossings.
+// Ends the rocking of sequential impacts of points, as of a peg on two crossings.
 void endRocking(const System& s, Context& c, Evaluation& e) {
   ContactSlotMask left = 0;
   for (const std::size_t i : Slots(s.admitted & ~e.closed & e.open_set.valid)) {

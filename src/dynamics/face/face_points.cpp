@@ -20,7 +20,7 @@ constexpr double kInside = 1.0 - 1e-9;
 // within 2 %.
 constexpr double kSpread = 0.9;
 
-// Of the material points of the edge, forces included: g'' + k g' + beta g [m/s²].
+// Demands of the material points of the edge, forces included: g'' + k g' + beta g [m/s²].
 Round demands(const System& s, const Context& c, const Evaluation& e) {
   const ContactParameters& law = s.scenario.contact;
   const Vec3 angular = e.k.Re * c.slope.segment<3>(3) + e.k.Re_rate * e.euler_rates;

@@ -102,7 +102,7 @@ void Integrator::remember(const Context& c, double h) {
   past.slope[n] = {c.state.v, c.slope, c.carrier_deflection_rate};
 }
 
-// As HPCG after each change of the step size: predictor − corrector from the history.
+// Difference of predictor and corrector from the history, as in HPCG after a change of step size.
 void Integrator::resetDefect() {
   Past& past = past_;
   const int n = past.count - 1;

@@ -98,7 +98,7 @@ struct CalibrationView {
   std::string result;
 };
 
-/// Of a part's curve.
+/// State of a part's curve.
 enum class RecordState { kGrowing, kNotStored, kNoRules, kGood, kBad };
 
 struct PartView {

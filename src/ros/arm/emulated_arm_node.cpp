@@ -21,7 +21,8 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-// Of the arm's time from the simulator's newest stamp: a paused simulator stops the arm. [s]
+// Greatest lead of the arm's time over the simulator's newest stamp, so that a paused simulator
+// stops the arm. [s]
 constexpr double kMaxAhead = 0.1;
 
 void checkFrame(const std_msgs::Header& header, const std::string& base) {

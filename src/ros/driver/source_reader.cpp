@@ -45,8 +45,8 @@ void markOutOfRange(const SourceSettings& settings, StrainSamples& block) {
   }
 }
 
-// As fast as possible: a subscriber that connects later would miss the beginning, or everything.
-// One that died without unregistering is not waited for without end.
+// For a source that is read as fast as possible: a subscriber that connects later would miss its
+// beginning, or everything. A subscriber that died without unregistering doesn't block it forever.
 void awaitSubscribers(const SensorState& state, const SensorOutput& output) {
   while (!state.stopping && !output.hasSubscribers()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));

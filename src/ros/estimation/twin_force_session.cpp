@@ -32,7 +32,7 @@ double positive(double value, const char* name) {
   throw InputError(text("%s is %g: give a positive number", name, value));
 }
 
-// The same named blocks. Coming blocks are others each time.
+// Whether both name the same blocks. Windows of coming blocks always differ.
 bool same(const BlockWindow& one, const BlockWindow& other) {
   return one.isNamed() && one.first == other.first && one.last == other.last &&
          one.blocks == other.blocks;

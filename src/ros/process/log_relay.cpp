@@ -50,7 +50,7 @@ class Stream {
     stream_.rdbuf(relay_buffer_);
   }
 
-  // Of a process that ends, or aborts: a terminal that doesn't read keeps the relay.
+  // At the end of the process. A terminal that doesn't read would block the relay.
   void end(std::chrono::steady_clock::time_point deadline) {
     if (relay_buffer_ == nullptr) return;
     std::fflush(relay_);

@@ -161,7 +161,7 @@ class Registry {
   std::map<std::string, std::string> addresses_;           // by node
 };
 
-// Of several publishers those that are gone, or mute, otherwise all.
+// Adds a publisher: where several differ, only those that are gone, or those that do not answer.
 void add(TopicPublisher& publisher, const std::string& node, NodePresence presence) {
   const auto rank = [](NodePresence p) { return static_cast<int>(p); };
   if (!publisher.node.empty() && rank(presence) > rank(publisher.presence)) return;

@@ -34,7 +34,7 @@ constexpr std::chrono::milliseconds kWatchPeriod{500};
 
 std::atomic<bool>* shutdown_requested = nullptr;
 
-// Of the master, as soon as it is a good one, at the latest after kMasterTimeout.
+// Presence of the master: waits until it is as wanted, at most kMasterTimeout.
 template <class IsGood>
 NodePresence masterPresence(const std::string& host, std::uint32_t port, const IsGood& is_good) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(kMasterTimeout);

@@ -51,7 +51,7 @@ std::string fileWithDigest(const std::string& path) {
   return path + " " + crcText(content.str());
 }
 
-// Of all rules in one line.
+// Verdicts of all rules in one line.
 std::string summary(const Run& run) {
   std::size_t failed = 0;
   const RunVerdict* first = nullptr;

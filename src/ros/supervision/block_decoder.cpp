@@ -16,8 +16,8 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-// Of a channel at its limit [s]. A press ends at the third such block and takes the load off within
-// 0.3 s: no strategy saturates a sensor for this long.
+// Longest time of a channel at its limit [s]. A press ends at the third such block and takes the
+// load off within 0.3 s: no strategy saturates a sensor for this long.
 constexpr double kSaturated = 0.5;
 constexpr int kMinSaturated = 5;  // blocks: a freeze between two of them doesn't count
 

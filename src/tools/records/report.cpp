@@ -38,7 +38,7 @@ Example: records report --rules plate.yaml --html plate.html
 
 constexpr std::int64_t kShown = 200;
 
-// Of runs in the order of time.
+// Points of runs in the order of time.
 std::vector<TrendPoint> pointsOf(const std::vector<Run>& runs, const std::string& quantity) {
   std::vector<TrendPoint> points;
   for (const Run& run : runs) {

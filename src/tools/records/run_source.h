@@ -29,7 +29,7 @@ class RunSource {
  public:
   RunSource(OptionParser& parser, std::int64_t limit);
 
-  /// Of --program. Throws InputError where it is missing.
+  /// Value of --program. Throws InputError where it is missing.
   std::string program() const;
   /// Every run in the order of time, one at a time, those of files with the number in that order as
   /// id. Progress of more than 1000 goes to standard error. Returns their number; throws InputError

@@ -42,16 +42,16 @@ class BlockPipeline {
   /// Every sensor of the cell has a calibration.
   bool calibrated() const;
 
-  /// Of moments of strain [V], `period` between samples [s]. Needs the calibrations.
+  /// A block from moments of strain [V], with `period` between samples [s]. Needs the calibrations.
   PlantBlock fromStrain(const BlockMoments& a, const BlockMoments& b, bool saturated,
                         double period) const;
 
-  /// Of wrenches of the sensors and displacements of sensor_b. Nothing if a block is empty or not
-  /// finite.
+  /// A block from wrenches of the sensors and displacements of sensor_b. Nothing if one of these is
+  /// empty or not finite.
   std::optional<PlantBlock> fromWrenches(const SensorSamples& a, const SensorSamples& b,
                                          const SensorSamples& displacements, double period) const;
 
-  /// Of strain of sensor_b [V]: displacement of the coupling, sensor_b axes [m], [rad].
+  /// Displacement of the coupling from strain of sensor_b [V], in sensor_b axes [m], [rad].
   Vector6 displacement(const Vector6& volts_b) const {
     return displacementFromVolts(displacement_map_, volts_b);
   }

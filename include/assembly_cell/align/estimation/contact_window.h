@@ -16,7 +16,7 @@ struct BlockMoments {
   int count = 0;
 };
 
-/// Of 6 × n numbers, sample after sample.
+/// Moments of 6 × n numbers, sample after sample.
 BlockMoments momentsOf(const double* samples, std::size_t n);
 
 /// Covariance that rounding to a converter's step [V] adds to every reading, S (q²/12) Sᵀ. The mean
@@ -43,7 +43,7 @@ class ContactWindow {
   const Vector6& wrenchA() const { return wrench_a_; }
   const Vector6& wrenchB() const { return wrench_b_; }
   const Vector6& displacement() const { return displacement_; }
-  /// Of the window's mean, from the scatter of the samples.
+  /// Covariance of the window's mean, from the scatter of the samples.
   Matrix6 covarianceA() const { return scatter_a_ / samples_; }
   Matrix6 covarianceB() const { return scatter_b_ / samples_; }
 

@@ -52,8 +52,8 @@ struct TouchFit {
   double radius_sd = 0.0;                                       ///< [m]
   double height_sd = 0.0;                                       ///< at the centre [m]
   double normal_sd = 0.0;                                       ///< both axes [rad]
-  /// Of where a move ends, per axis, by the residuals of touches from above; its inverse, the
-  /// weight of an error, is unbiased [m²]
+  /// Variance of where a move ends, per axis, from the residuals of touches from above. Its
+  /// inverse, the weight of an error, is unbiased. [m²]
   double place_variance = 0.0;
   double chi2 = 0.0;  ///< prior included; as many degrees of freedom as residuals
   int residuals = 0;

@@ -74,9 +74,9 @@ class TwinForceContacts : public TwinForceSensing {
   const TwinForceEstimate& estimate() const { return estimate_; }  ///< as of the last solve()
   SignVerdict signs() const { return signs_; }                     ///< of all contacts kept
 
-  /// Of the carrier in S.
+  /// Pose of the carrier in S.
   Pose carrierPose(const RestPose& carrier) const;
-  /// Of the peg, deflection included; needs a pose.
+  /// Pose of the peg in S, with the coupling's displacement.
   Pose pegPose(const Pose& X_SC, const Vector6& displacement) const;
 
  private:

@@ -23,7 +23,7 @@ struct SearchState {
   void startHere() { frame.startAt(carrier.last().carrier, carrier.last().time); }
   /// Deflection of the coupling from which the peg's pose follows, see absolute_deflection.
   Vector6 deflection() const;
-  /// That of the free peg at the carrier's target.
+  /// Deflection of the free peg at the carrier's target.
   Vector6 freeDeflection() const;
   /// The peg's pose in S, with the deflection.
   Pose peg() const { return frame.pegPose(carrier.last().carrier, deflection()); }

@@ -35,7 +35,7 @@ class VibratedSearch {
   bool level();
   /// Plane and centre from the measurements, into the hole and the readings; see fitHole().
   FitStatus fit(int min_rim);
-  /// The same for good. Throws AlignError.
+  /// As fit(), into the state and the progress. Throws AlignError where it fails.
   void resolve();
   /// An edge that went in on the path down is over the hole.
   void takeEntry();

@@ -103,8 +103,8 @@ struct SensorDescription {
 
   double lsb() const;           ///< [V]
   double quantisation() const;  ///< variance of the converter's steps [V²]
-  /// Of the mean of samples of this sd: noise² + q²/12, divided by their number only where the
-  /// noise dithers the converter (noise ≥ q/2) [V²].
+  /// Variance of the mean of samples with this standard deviation: noise² + q²/12, divided by their
+  /// number only where the noise dithers the converter (noise ≥ q/2) [V²].
   double variance(double sd, int samples = 1) const;
 };
 /// All but the nominal matrix.

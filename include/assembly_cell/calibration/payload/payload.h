@@ -141,7 +141,7 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
 /// residuals that aren't white. Half and twice give the same results for the recordings.
 constexpr double kLevelBase = 0.02;
 
-/// The same by ordinary least squares of all poses with a constant bias, as it is commonly
+/// The payload by ordinary least squares of all poses with a constant bias, as it is commonly
 /// published; gravity along the base's z where the base is level.
 struct PlainPayload {
   bool level = false;                                 ///< gravity was taken along z

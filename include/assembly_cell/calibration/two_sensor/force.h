@@ -74,7 +74,7 @@ struct ForceSolution {
   double p = 0.0;
   int iterations = 0;
   Vector6 residual_rms = Vector6::Zero();  ///< by axis [N], [N·m]
-  /// Of a wrench over rated loads, rms [N], [N·m].
+  /// Standard deviation of a wrench, rms over the rated loads [N], [N·m].
   PerSide<Vector6> predicted_sd = {Vector6::Zero(), Vector6::Zero()};
   double hold_out_rms = 0.0;  ///< normalised; NaN: not possible
   int hold_out_tests = 0;

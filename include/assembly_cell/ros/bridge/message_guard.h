@@ -142,7 +142,7 @@ ros::Subscriber subscribeChecked(ros::NodeHandle& nh, const std::string& topic, 
 template <class Message>
 using Unusable = std::function<void(const Message&, const std::string&)>;
 
-/// The same of a stream of blocks or poses. `unusable`: in lockstep such a block must be
+/// Subscribes to a stream of blocks or poses. `unusable`: in lockstep such a block must be
 /// acknowledged, too.
 template <class Message, class Callback>
 StreamSubscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,

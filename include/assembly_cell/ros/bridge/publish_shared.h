@@ -21,7 +21,7 @@ void publishShared(const ros::Publisher& publisher, Message message) {
   publisher.publish(boost::make_shared<Message>(std::move(message)));
 }
 
-/// The same for a latched topic, whose latest message new subscribers receive. ROS serializes each
+/// Publisher of a latched topic, whose latest message new subscribers receive. ROS serializes each
 /// message of a latched topic, even without subscribers in other processes; this class does so when
 /// one connects, which may receive the message twice. A process connects to a topic once: its
 /// second subscription receives only later messages, so what it needs must be repeated until it
@@ -31,7 +31,7 @@ class LatestPublisher {
  public:
   using ConstPtr = boost::shared_ptr<Message const>;
 
-  /// Of no topic: publish() does nothing.
+  /// Without a topic: publish() does nothing.
   LatestPublisher() = default;
 
   /// latest: false for a topic that isn't latched.

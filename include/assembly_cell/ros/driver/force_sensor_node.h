@@ -25,7 +25,7 @@ class Parameters;
 /// Interfaces: docs/reference/interfaces.md.
 class ForceSensorNode {
  public:
-  /// Of its callbacks: of the data path; the services have threads of their own.
+  /// Threads of the callbacks of the data path; the services have threads of their own.
   static constexpr unsigned kThreads = 1;
 
   /// Throws InputError for a bad parameter or file.

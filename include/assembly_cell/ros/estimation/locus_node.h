@@ -44,8 +44,8 @@ void fields(FieldList& f, LocusSettings& s);
 /// sensor axes. Interfaces: docs/reference/nodes/locus_estimator.md.
 class LocusNode {
  public:
-  /// Of the callbacks: one keeps exciter and blocks in order; the action has a
-  /// thread of its own.
+  /// Threads of the callbacks. One keeps exciter and blocks in order; the action has a thread of
+  /// its own.
   static constexpr unsigned kThreads = 1;
 
   /// Throws InputError for a bad parameter or file.
@@ -61,7 +61,7 @@ class LocusNode {
   /// Updates and publishes the sliding estimate. With mutex_ locked.
   void publishLocus();
 
-  /// Of the action, in its own thread.
+  /// Executes a goal of the action, in its own thread.
   void identify(const IdentifyLocusGoal::ConstPtr& goal);
   /// Fills the result and returns its message; throws InputError with the
   /// reason of a refusal.

@@ -24,7 +24,7 @@ class TwinForceSession {
  public:
   explicit TwinForceSession(const TwinForceSetup& setup) : contacts_(setup) {}
 
-  /// Of tasks that begin from now on, see TwinForceContacts.
+  /// Covariances for tasks that begin from now on, see TwinForceContacts.
   void setGainCovariances(const PerSide<Eigen::MatrixXd>& gains) {
     contacts_.setGainCovariances(gains.a, gains.b);
   }

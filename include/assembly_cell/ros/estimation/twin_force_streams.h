@@ -43,7 +43,7 @@ class TwinForceStreams {
   Average average(const BlockWindow& window, AveragingLimits limits);
   /// Waits until both calibrations have arrived; false after data_timeout.
   bool waitForCalibrations();
-  /// Of the active calibrations, see TwinForceHistory.
+  /// Covariances of the active calibrations, see TwinForceHistory.
   PerSide<Eigen::MatrixXd> gainCovariances() const;
   std::optional<TwinForceHistory::Now> now() const;
 

@@ -16,7 +16,7 @@ namespace assembly_cell::ros_bridge {
 std::optional<XmlRpc::XmlRpcValue> callNode(const std::string& uri, const std::string& method,
                                             const std::string& argument, double limit);
 
-/// The same of the master, after ros::init. ros::master::execute() waits without a limit for a
+/// Calls the master, after ros::init. ros::master::execute() waits without a limit for a
 /// master that is frozen, or whose host is off.
 std::optional<XmlRpc::XmlRpcValue> callMaster(const std::string& method,
                                               const std::string& argument, double limit);

@@ -59,7 +59,7 @@ inline void waitForSignal() {
   while (ros::ok() && !received) ros::WallDuration(0.02).sleep();
 }
 
-/// Of a command line with ROS's own arguments.
+/// Whether roslaunch started the node, by its command line.
 inline bool isFromRoslaunch(int argc, char** argv) {
   return std::any_of(argv, argv + argc, [](const char* argument) {
     return std::string_view(argument).substr(0, 7) == "__log:=";  // only roslaunch sets it

@@ -47,7 +47,7 @@ std::vector<TopicPublisher> publishersOf(const std::vector<std::string>& topics,
 void refuseSecondPublisher(const ros::NodeHandle& nh, const std::string& name,
                            const std::string& what);
 
-/// The same of an action, whose goals both nodes would execute.
+/// Refuses a second server of an action, as both would execute its goals.
 void refuseSecondServer(const ros::NodeHandle& nh, const std::string& action);
 
 /// "sensor_b/wrench_samples of /sensor_b/driver (gone)" and so on, with commas.

@@ -27,7 +27,7 @@ namespace assembly_cell::ros_bridge {
 struct RecorderSettings {
   std::string store;    ///< file; empty: below ROS_HOME
   std::string station;  ///< empty: the host's name
-  /// Of a simulated cell; empty: a real one.
+  /// What a simulated cell was; empty for a real one.
   struct Simulation {
     std::string seed, world, mismatch;
   } simulation;
@@ -55,7 +55,7 @@ class RecorderNode {
   RunStore& open();
   void checkStore();
   void setComplaint(const std::string& why);
-  /// Of the program of the next part.
+  /// Loads the band of the next part's program.
   void setBand();
   void publishState();
 

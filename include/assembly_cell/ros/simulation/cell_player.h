@@ -43,7 +43,7 @@ void fields(FieldList& f, PlayerSettings& s);
 /// was recorded before it has arrived. Interfaces: docs/reference/interfaces.md.
 class CellPlayer {
  public:
-  /// Of its callbacks.
+  /// Threads of its callbacks.
   static constexpr unsigned kThreads = 1;
 
   /// Throws InputError for a bad parameter or bag.

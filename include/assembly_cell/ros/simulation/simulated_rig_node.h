@@ -34,7 +34,7 @@ void fields(FieldList& f, RigNodeSettings& s);
 /// docs/reference/interfaces.md.
 class SimulatedRigNode {
  public:
-  /// Of its callbacks.
+  /// Threads of its callbacks.
   static constexpr unsigned kThreads = 2;
 
   /// Throws InputError for a bad parameter.

@@ -21,7 +21,7 @@ namespace assembly_cell::ros_bridge {
 /// docs/reference/interfaces.md.
 class SimulatorNode {
  public:
-  /// Of commands and acks; services have threads of their own.
+  /// Threads of the callbacks of commands and acks; services have threads of their own.
   static constexpr unsigned kThreads = 1;
 
   /// Throws InputError for bad parameters, scenario or robot description.

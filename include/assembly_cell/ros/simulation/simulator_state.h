@@ -45,7 +45,7 @@ struct SimulatorState {
 
 /// Writes a line of the guard to the log, if there is one.
 void warn(const std::string& line);
-/// The same at most once a second.
+/// Warns at most once a second.
 void warnThrottled(const std::string& line);
 
 }  // namespace assembly_cell::ros_bridge

@@ -25,7 +25,7 @@ constexpr std::array<const char*, kBlockParts> kBlockTopics = {
     "sensor_a/wrench_samples", "sensor_b/wrench_samples", "sensor_b/displacement_samples",
     "carrier_pose"};
 
-/// Those of a cell with these sensors.
+/// Parts of a block in a cell with these sensors.
 std::vector<BlockPart> partsOf(Sensors sensors);
 
 /// The messages of one block, complete or not.

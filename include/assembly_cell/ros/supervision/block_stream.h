@@ -39,8 +39,8 @@ class BlockStream {
   void setActive(bool active) { active_ = active; }
   /// Drops the block that is ready.
   void drop() { ready_.reset(); }
-  /// Of a goal: drops all of an earlier one and sets it active. Requests the publishers from the
-  /// master, so that their names need no response of it later. Releases the lock.
+  /// Begins a goal: drops the blocks of an earlier one and sets it active. Requests the publishers
+  /// from the master, so that their names need no response of it later. Releases the lock.
   void begin(PlantMonitor::Lock& lock);
   bool ready() const { return ready_.has_value(); }
   /// The ready block becomes last().

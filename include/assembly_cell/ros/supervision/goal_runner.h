@@ -56,7 +56,7 @@ class GoalRunner {
   bool hasBegun(AlignFailure failure) const;
 
  private:
-  /// Of the exception that is being handled.
+  /// Writes the exception that is being handled into the end of the goal.
   void setException(GoalEnd& end) const;
   void leave(const GoalEnd& end, const PegRelease& release, bool was_free);
 

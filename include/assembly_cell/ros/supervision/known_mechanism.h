@@ -62,7 +62,7 @@ class MechanismKeeper {
                               const std::function<bool()>& is_inserted);
 
  private:
-  /// Of the identified mechanism by the hanging peg; empty: none.
+  /// How the hanging peg contradicts the identified mechanism; empty if it doesn't.
   std::string contradiction(bool is_inserted);
   /// By the node mechanism_identifier, which owns the plant meanwhile. Throws PlantError.
   void identify(const std::function<bool()>& cancelled);

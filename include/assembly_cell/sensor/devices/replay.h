@@ -43,7 +43,7 @@ struct Recording {
 /// that can't be determined, more than 5e7 rows or fewer than two; and for an unreadable file.
 Recording loadRecording(const std::string& path, const ReplayFormat& format);
 
-/// The same from a stream that is called `name` in messages.
+/// Reads a recording from a stream; `name` names it in messages.
 Recording readRecording(std::istream& stream, const std::string& name, const ReplayFormat& format);
 
 /// Samples [first, first + size) of a recording, to be published together.

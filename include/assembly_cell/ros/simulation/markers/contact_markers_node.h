@@ -20,7 +20,7 @@ namespace assembly_cell::ros_bridge {
 /// and works only while `markers` has a subscriber. To be spun by one thread.
 class ContactMarkersNode {
  public:
-  /// Of its callbacks.
+  /// Threads of its callbacks.
   static constexpr unsigned kThreads = 1;
 
   /// Throws InputError for bad parameters or robot description.
