@@ -217,8 +217,23 @@ bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
   const double force = s_.carrier.force().z();
   const bool in = force < maxForce();
   s_.report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
-  if (!in) s_.carrier.moveTo(s_.frame.restFor(from, R));
+  if (!in) goBack(from, R);
   return in;
+}
+
+// Back to `from` after a resistance. A peg that the rim holds there isn't pulled by the next move,
+// which would be a fast one: 115 N for a peg larger than its hole.
+void BoreEntry::goBack(const Vec3& from, const Mat3& R) {
+  s_.carrier.moveTo(s_.frame.restFor(from, R));
+  const auto is_held = [this] {
+    return s_.carrier.force().norm() > s_.carrier.sensor().touchForce();
+  };
+  if (!is_held()) return;
+  s_.carrier.wait(s_.scale.timed(kWallSwingBlocks));  // or it swings
+  if (!is_held()) return;
+  ++refused;
+  throw AlignError(AlignFailure::kWedged,
+                   text("the hole's rim holds the peg with %.1f N", s_.carrier.force().norm()));
 }
 
 // Sideways in small steps until the wall pushes back; `at` is the bottom's centre then. False when

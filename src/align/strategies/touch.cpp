@@ -81,7 +81,10 @@ void find(Search& search) {
       edge.enterByWalls();
       return;
     } catch (const AlignError& error) {
-      if (k >= kAttempts || !isRecoverable(error.failure)) throw;
+      if (k >= kAttempts || !isRecoverable(error.failure)) {
+        if (error.failure == AlignFailure::kWedged) edge.refuseTooTight();
+        throw;
+      }
       s.report("recover", error.what());
       search.retreat.backOut(kRetreat * s.scale.travel);
       // the earlier zero may have been of a peg that was not free

@@ -10,8 +10,8 @@ class Retreat {
  public:
   explicit Retreat(SearchState& state) : s_(state) {}
 
-  /// Frees the peg and lifts it by `travel` [m], zero checked; upright where the first pull fails.
-  /// Throws AlignError as retreatUp().
+  /// Frees the peg and lifts it by `travel` [m], zero checked; where the first pull fails,
+  /// upright and then from four sides. Throws AlignError as retreatUp().
   void backOut(double travel);
   /// The hole is on the low side of a peg tilted by R: later offsets lead away from it.
   void avoidLowSide(const Eigen::Matrix3d& R);

@@ -30,6 +30,9 @@ class EdgeSearch {
   /// `not_inserted` after its attempts, and `too_tight` after these or a minute where by the
   /// touches the peg is larger than the hole.
   void enterByWalls();
+  /// Throws AlignError `too_tight` where no entry succeeds and by the touches the peg is larger
+  /// than the hole.
+  void refuseTooTight() const;
 
   TouchModel model;
   std::vector<TouchReading> readings;
