@@ -209,7 +209,6 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   const Mat3 now = s_.frame.carrierPose(s_.carrier.target()).R;
   Vec3 up = s_.target().p;
   Vec3 over = place;
-  const bool pressed = s_.carrier.force().norm() > s_.carrier.sensor().touchForce();
   if (s_.found) {
     const auto raise = [this](Vec3& p, double height) {
       p += s_.hole.normal * std::max(0.0, height - s_.hole.normal.dot(p) + s_.hole.height);
@@ -217,15 +216,11 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     raise(up, dip(now) + kOver * s_.scale.travel);
     raise(over, dip(R) + kOver * s_.scale.travel);
     raise(up, s_.hole.normal.dot(over) - s_.hole.height);
+    // straight up before it goes aside; without a lateral motion it may rotate while it rises
+    if ((over - up).norm() > kSpot) s_.carrier.moveTo(s_.frame.restFor(up, now), Move::kFree);
   } else {
     const double turn = std::acos(std::clamp(R.col(2).dot(now.col(2)), -1.0, 1.0));
     over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
-    // what it touches may be the rim: its edge is in the hole then, by no more than its dip
-    if (pressed) up.z() = std::min(over.z(), up.z() + dip(now) + kOver * s_.scale.travel);
-  }
-  // straight up before it goes aside; without a lateral motion it may rotate while it rises
-  if ((s_.found || pressed) && (over - up).norm() > kSpot) {
-    s_.carrier.moveTo(s_.frame.restFor(up, now), Move::kFree);
   }
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
   const ContactSensor& sensor = s_.carrier.sensor();
