@@ -9,6 +9,7 @@
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/scene/scenario.h"
+#include "mismatched_trial.h"
 
 namespace assembly_cell {
 namespace {
@@ -104,6 +105,18 @@ TEST(Clearance, APegLargerThanItsHoleIsNamed) {
   EXPECT_EQ(toString(trial.result.failure), std::string("too_tight")) << trial.result.reason;
   EXPECT_NE(trial.result.reason.find("larger than the hole"), std::string::npos);
   EXPECT_LT(trial.result.time, 120.0);
+}
+
+// By 20 um; runs where the rim held the peg, which the next move pulled with 115 N.
+TEST(Clearance, APegThatIsHeldByTheRimIsNotPulledBeyondTheLimit) {
+  const Mismatch mismatch = parseMismatch("scale: {clearance: -0.2}", "test");
+  for (const std::uint64_t seed : {9103u, 9105u}) {
+    const RandomStart start(seed);
+    const AlignTrial trial = tryMismatched(mismatch, start.offset, start.tilt, "auto", seed);
+    EXPECT_FALSE(trial.success) << seed;
+    EXPECT_LE(trial.force, 1.1 * AlignParameters{}.force_limit) << seed << trial.result.reason;
+    EXPECT_LT(trial.result.time, 120.0) << seed;
+  }
 }
 
 }  // namespace

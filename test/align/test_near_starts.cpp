@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <random>
 #include <string>
 #include <utility>
 
@@ -131,12 +130,8 @@ AlignTrial afterAnotherGoal(std::uint64_t seed) {
   const Scenario s = cell();
   const Mismatch mismatch =
       loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/mismatch/level_2.yaml");
-  std::mt19937_64 engine(seed);
-  const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
-  const double azimuth = 2 * M_PI * uniform(), offset = 0.015 * std::sqrt(uniform());
-  const double direction = 2 * M_PI * uniform(), tilt = 0.0349 * uniform();
-  const Scenario start = startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
-                                 tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003);
+  const RandomStart random(seed);
+  const Scenario start = startAt(s, random.offset, random.tilt, 0.003);
   const Truth truth = drawTruth(mismatch, seed);
   CellParameters sensors;
   sensors.seed = seed;

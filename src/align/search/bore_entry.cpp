@@ -217,8 +217,23 @@ bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
   const double force = s_.carrier.force().z();
   const bool in = force < maxForce();
   s_.report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
-  if (!in) s_.carrier.moveTo(s_.frame.restFor(from, R));
+  if (!in) goBack(from, R);
   return in;
+}
+
+// Moves back to `from` after a resistance. Throws `wedged` if the rim still holds the peg there,
+// since the next move is fast: it pulled with 115 N on a peg larger than its hole.
+void BoreEntry::goBack(const Vec3& from, const Mat3& R) {
+  s_.carrier.moveTo(s_.frame.restFor(from, R));
+  const auto is_held = [this] {
+    return s_.carrier.force().norm() > s_.carrier.sensor().touchForce();
+  };
+  if (!is_held()) return;
+  s_.carrier.wait(s_.scale.timed(kWallSwingBlocks));  // it may only swing
+  if (!is_held()) return;
+  ++refused;
+  throw AlignError(AlignFailure::kWedged,
+                   text("the hole's rim holds the peg with %.1f N", s_.carrier.force().norm()));
 }
 
 // Sideways in small steps until the wall pushes back; `at` is the bottom's centre then. False when

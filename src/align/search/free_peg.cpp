@@ -65,10 +65,12 @@ double pullStep(const PressLimits& limits) {
   return kPullStep * std::min(1.0, limits.scale.sink / limits.scale.force * kPullSofter);
 }
 
-// As far as the wedge lets it be turned. Returns where that ended.
+// As far as the wedge lets it be turned or moved. Returns where that ended.
 RestPose turn(GuardedCarrier& carrier, const RestPose& from, const RestPose& to) {
   const double angle = std::hypot(to.yaw - from.yaw, to.theta - from.theta, to.phi - from.phi);
-  const int steps = static_cast<int>(std::ceil(kTurnArm * angle / pullStep(carrier.limits())));
+  const double way = Eigen::Vector3d(to.x - from.x, to.y - from.y, to.z - from.z).norm();
+  const int steps =
+      static_cast<int>(std::ceil((way + kTurnArm * angle) / pullStep(carrier.limits())));
   RestPose at = from;
   for (int i = 1; i <= steps && carrier.sensor().heldForce() < kTurned * carrier.limits().force;
        ++i) {

@@ -9,9 +9,15 @@
 namespace assembly_cell {
 namespace {
 
-constexpr int kMoreRetreats = 2;    // where the first didn't free the peg
-constexpr double kGolden = 2.4;     // from one offset to the next, never the same twice [rad]
-constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
+// Further attempts to free a peg that doesn't come up: upright, then moved to four sides.
+constexpr int kMoreRetreats = 5;
+// Lateral travel of a peg that stays wedged, which ends at half of the force limit. A peg held by
+// two sides of a rim comes free when it is moved across the line between them. [m]
+constexpr double kSway = 5e-4;
+// Angle from one offset to the next: none is repeated [rad].
+constexpr double kGolden = 2.4;
+// Slope of a rim contact that is safe to press: 20 degrees.
+constexpr double kUpright = 0.364;
 
 }  // namespace
 
@@ -21,8 +27,11 @@ void Retreat::backOut(double travel) {
     try {
       // unstrained; if that does not free it, turned back first: pulling may tighten a wedge
       const RestPose relaxed = s_.frame.restFor(peg.p, peg.R);
-      const RestPose upright = s_.frame.restFor(peg.p, Eigen::Matrix3d::Identity());
-      retreatUp(s_.carrier, relaxed, i == 0 ? relaxed : upright, travel);
+      RestPose turned = relaxed;
+      if (i == 1) turned = s_.frame.restFor(peg.p, Eigen::Matrix3d::Identity());
+      const double aside = (i % 2 == 0 ? 1.0 : -1.0) * kSway * s_.scale.travel;
+      if (i > 1) (i < 4 ? turned.x : turned.y) += aside;
+      retreatUp(s_.carrier, relaxed, turned, travel);
       return;
     } catch (const AlignError& error) {
       if (i == kMoreRetreats) throw;

@@ -80,8 +80,9 @@ AlignResult Search::findAndLeave(const std::function<void()>& find) {
   } catch (const AlignError& error) {
     result.failure = error.failure;
     result.reason = error.what();
-    if (error.failure == AlignFailure::kTimeLimit) {
-      if (inserting) result.reason += " of insertion";
+    if (error.failure == AlignFailure::kTimeLimit || error.failure == AlignFailure::kStuck) {
+      const bool late = error.failure == AlignFailure::kTimeLimit;
+      if (late && inserting) result.reason += " of insertion";
       result.reason += text(", clearance %.0f +- %.0f um", state.known.clearance.mean * 1e6,
                             state.known.clearance.sd * 1e6);
       if (entry.refused > 0) {

@@ -89,7 +89,10 @@ void find(Search& search) {
       edge.enterByWalls();
       return;
     } catch (const AlignError& error) {
-      if (k >= kAttempts || !isRecoverable(error.failure)) throw;
+      if (k >= kAttempts || !isRecoverable(error.failure)) {
+        if (error.failure == AlignFailure::kWedged) edge.refuseTooTight();
+        throw;
+      }
       s.report("recover", error.what());
       search.retreat.backOut(kRetreat * s.scale.travel);
       // the peg may not have been free at the earlier zero

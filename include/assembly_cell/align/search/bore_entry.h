@@ -48,11 +48,12 @@ class BoreEntry {
   double place_variance = 0.0;
   /// By the drawing and between opposite walls: what touches are fitted with.
   Clearance clearance_prior;
-  int refused = 0;  ///< entries that met resistance everywhere
+  int refused = 0;  ///< entries that met resistance everywhere, or a rim that held the peg
 
  private:
   bool hasWallBeside(bool at_rest);
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
+  void goBack(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
   bool clearOfWalls(Eigen::Vector3d& target, const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);

@@ -32,7 +32,7 @@ RestPose pullUp(GuardedCarrier& carrier, const RestPose& from, double min_travel
                 double max_travel);
 
 /// Exciter off, over `relaxed` (where the coupling isn't strained), from there to `turned` as far
-/// as half the force limit turns it, and up by `travel` [m]; waits until the peg hangs still.
+/// as half the force limit moves it, and up by `travel` [m]; waits until the peg hangs still.
 /// Throws AlignError `stuck` when it doesn't come free, `zero_shifted` when the free peg weighs
 /// something else than at the first tare.
 void retreatUp(GuardedCarrier& carrier, const RestPose& relaxed, const RestPose& turned,

@@ -11,7 +11,7 @@ class Retreat {
   explicit Retreat(SearchState& state) : s_(state) {}
 
   /// Frees the peg, lifts it by `travel` [m] and checks the zero. Where pulling it up tilted fails,
-  /// it is made upright first. Throws AlignError as retreatUp().
+  /// it is made upright first, and then moved to four sides. Throws AlignError as retreatUp().
   void backOut(double travel);
   /// Makes later offsets lead away from the low side of a peg with axes R, where the hole is.
   void avoidLowSide(const Eigen::Matrix3d& R);

@@ -32,6 +32,9 @@ class EdgeSearch {
   /// AlignError `no_hole_under_edge` where each attempt touched the face, `not_inserted` after its
   /// attempts, and `too_tight` if the touches measured a peg that is larger than the hole.
   void enterByWalls();
+  /// Throws AlignError `too_tight` if the touches measured a peg that is larger than the hole, or
+  /// may be after several refused entries. For use where no entry has succeeded.
+  void refuseTooTight() const;
 
   TouchModel model;
   std::vector<TouchReading> readings;
