@@ -32,6 +32,11 @@ def groups(rows, *keys):
     return found
 
 
+def ink(share):
+    """Colour of a number on the map RdYlGn, whose ends are dark."""
+    return "white" if abs(share - 0.5) > 0.35 else "black"
+
+
 def fraction(rows):
     return sum(r["assembled"] == "1" for r in rows) / len(rows)
 
@@ -182,7 +187,7 @@ def excitation(folder):
         axis.imshow(table, origin="lower", cmap="RdYlGn", vmin=0, vmax=1, aspect="auto")
         for i, line in enumerate(table):
             for k, value in enumerate(line):
-                axis.text(k, i, f"{100 * value:.0f} %", ha="center", va="center", fontsize=8)
+                axis.text(k, i, f"{100 * value:.0f} %", ha="center", va="center", fontsize=8, color=ink(value))
         axis.set_xticks(range(len(frequencies)), [f[0] for f in frequencies])
         axis.set_yticks(range(len(amplitudes)), [a[0] for a in amplitudes])
         axis.set(xlabel="frequency [rad/s]", title=f"friction {friction}")
@@ -229,7 +234,7 @@ def strategies(folder):
             for k, offset in enumerate(offsets):
                 some = cells[row + offset]
                 done = sum(r["assembled"] == "1" for r in some)
-                line[0].text(k, i, f"{done}/{len(some)}", ha="center", va="center", fontsize=8)
+                line[0].text(k, i, f"{done}/{len(some)}", ha="center", va="center", fontsize=8, color=ink(done / len(some)))
         line[0].set_xticks(range(len(offsets)), [f"{1e3 * float(o[0]):g}" for o in offsets])
         line[0].set_yticks(range(len(tilts_noises)), [f"{math.degrees(float(t)):.2g}°, {1e3 * float(n):g} mV"
                                                       for t, n in tilts_noises])

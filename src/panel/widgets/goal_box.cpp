@@ -93,7 +93,7 @@ void GoalBox::show(const CellView& view) {
   }
   state_->setText(state);
   step_->setText(goal.step.empty() ? "-" : QString::fromStdString(goal.step + ": " + goal.message));
-  QString contacts = QString::asprintf("%u read in %.2f s", goal.contacts, goal.time);
+  QString contacts = QString::asprintf("%u in %.2f s", goal.contacts, goal.time);
   if (goal.inserting) {
     contacts += QString::asprintf("; %.1f mm deep, %.1f N, %d walls", 1e3 * goal.depth, goal.force,
                                   goal.walls);

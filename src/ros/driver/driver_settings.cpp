@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/driver/driver_settings.h"
 
+#include <cmath>
+
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/wrench_range.h"
@@ -48,11 +50,22 @@ void fields(FieldList& f, SourceSettings& s) {
   f.number("range_force", s.range_force, positive("N"),
            "A force beyond counts as saturated, of a device that delivers wrenches.");
   f.number("range_torque", s.range_torque, positive("N m"), "The same of a torque.");
+  f.numbers("device_position", s.device_position.data(), s.device_position.size(), finite("m"),
+            "Origin of a device that delivers wrenches, in the sensor's frame.");
+  f.numbers("device_rotation", s.device_rotation.data(), s.device_rotation.size(),
+            {-2.0 * M_PI, 2.0 * M_PI, "rad"},
+            "Rotation vector of its axes; [3.14159265, 0, 0] where its z points down.");
 }
 
-bool isIdentity(const Calibration& c) {
-  return !c.quadratic_wrench && c.volts_to_wrench.isIdentity(0.0) && c.zero_volts.isZero(0.0);
+namespace {
+
+bool isMap(const Calibration& c, const Matrix6& map) {
+  return !c.quadratic_wrench && c.volts_to_wrench == map && c.zero_volts.isZero(0.0);
 }
+
+}  // namespace
+
+bool isIdentity(const Calibration& c) { return isMap(c, Matrix6::Identity()); }
 
 void CalibrationRules::check(const Calibration& c, const std::string& source) const {
   if (needs_displacement && !calibrated && c.volts_to_displacement.isZero(0.0)) {
@@ -68,10 +81,11 @@ void CalibrationRules::check(const Calibration& c, const std::string& source) co
                      c.serial_number + "')");
   }
   if (!quantity) return;
-  if (*quantity == SampleQuantity::kWrench && !isIdentity(c)) {
-    throw InputError(source +
-                     ": volts_to_wrench is not the identity but the source delivers "
-                     "wrenches: leave calibration_file out");
+  if (*quantity == SampleQuantity::kWrench && !isMap(c, device_to_sensor)) {
+    const bool placed = !device_to_sensor.isIdentity(0.0);
+    throw InputError(source + ": volts_to_wrench is not the " +
+                     (placed ? "transform of device_position, device_rotation" : "identity") +
+                     " but the source delivers wrenches: leave calibration_file out");
   }
   if (*quantity != SampleQuantity::kWrench && !calibrated) {
     throw InputError(source + " but the source delivers volts: set calibration_file");

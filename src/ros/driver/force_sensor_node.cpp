@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/driver/force_sensor_node.h"
 
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -106,11 +107,21 @@ void ForceSensorNode::loadCalibrationFile() {
   std::string source = "calibration_file is not set";
   if (rules.calibrated) {
     source = "calibration file '" + settings_.calibration_file + "'";
+    constexpr std::array<double, 3> kNone{};
+    if (source_settings_.device_position != kNone || source_settings_.device_rotation != kNone) {
+      throw InputError("parameter " + pnh_.resolveName("calibration_file") + " is '" +
+                       settings_.calibration_file +
+                       "' with device_position or device_rotation: these are for a device that "
+                       "delivers wrenches, leave them out");
+    }
     calibration = loadCalibration(settings_.calibration_file);
   } else {
     calibration.id = "in the device";
     calibration.serial_number = kUnknownSerial;
-    calibration.volts_to_wrench.setIdentity();
+    const RotationVector turn{Eigen::Vector3d::Map(source_settings_.device_rotation.data())};
+    rules.device_to_sensor = wrenchTransform(
+        {rotationFromVector(turn), Eigen::Vector3d::Map(source_settings_.device_position.data())});
+    calibration.volts_to_wrench = rules.device_to_sensor;
   }
   if (!settings_.scenario.empty()) {
     if (!settings_.publish_displacement) {

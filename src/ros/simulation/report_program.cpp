@@ -121,7 +121,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
     out += text("  clearance: %.3f +- %.3f mm, drawn %.3f mm\n", 1e3 * report.clearance,
                 1e3 * report.clearance_sd, 1e3 * (details.hole_radius - details.peg_radius));
   }
-  out += "  contacts read: " + std::to_string(report.contacts) + "\n";
+  out += "  contacts measured: " + std::to_string(report.contacts) + "\n";
   out +=
       text("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time, report.wall_time) +
       text(" (%.1f times real time)\n",

@@ -100,6 +100,27 @@ TEST_F(SensorSources, WrenchesAndTheMountGiveDisplacements) {
   EXPECT_GT(compared, 10);
 }
 
+// A device above the sensor's origin, whose x points along the sensor's y.
+TEST_F(SensorSources, TakesTheWrenchesOfADeviceToItsFrame) {
+  Record<WrenchSamples> wrenches(nh_, "/placed/wrench_samples");
+  const std::vector<double> quarter_turn = {0.0, 0.0, M_PI / 2.0};
+  const std::vector<double> above = {0.0, 0.0, 0.5};
+  ros::param::set("/placed/driver/device_rotation", quarter_turn);
+  ros::param::set("/placed/driver/device_position", above);
+  Driver driver("placed",
+                {"_source/type:=assembly_cell_example_source/Counting", "_source/rate:=500.0",
+                 "_source/first:=7"},
+                withExample());
+  ASSERT_TRUE(waitFor([&] { return wrenches.size() > 40; })) << driver.output();
+  for (const auto& block : wrenches.all()) {
+    const Vector6 w = Vector6::Map(block->wrench.data());
+    EXPECT_GE(w[1], 7.0);
+    const Vector6 expected = w[1] * (Vector6::Unit(1) - 0.5 * Vector6::Unit(3));
+    EXPECT_LT((w - expected).norm(), 1e-12 * w[1]);
+  }
+  ros::param::del("/placed");
+}
+
 TEST_F(SensorSources, RefusesWithOneLine) {
   const std::string plugin = "_source/type:=assembly_cell_example_source/Counting";
   const std::string missing = "_source/type:=assembly_cell_example_source/Missing";
@@ -121,6 +142,7 @@ TEST_F(SensorSources, RefusesWithOneLine) {
       {{"_source/address:=1.2.3.4"}, "/refused/driver/source/type"},
       {{"_source/type:=simulated", "_lockstep:=true"}, "/refused/driver/lockstep"},
       {{"_source/type:=simulated", "_queue_size:=1"}, "/refused/driver/queue_size"},
+      {{plugin, "_device_rotation:=180"}, "/refused/driver/device_rotation"},
   };
   for (const auto& [parameters, part] : cases) {
     ros::param::del("/refused");

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,8 +40,10 @@ struct SourceSettings {
   int queue_size = 100;                                                ///< blocks
   double read_timeout = 0.1, back_off = 0.25, longest_back_off = 5.0;  ///< [s]
   int realtime_priority = 0;
-  double device_bias_timeout = 5.0;  ///< [s]
-  double range_force, range_torque;  ///< beyond: saturated [N], [N·m]
+  double device_bias_timeout = 5.0;         ///< [s]
+  double range_force, range_torque;         ///< beyond: saturated [N], [N·m]
+  std::array<double, 3> device_position{};  ///< of the device's origin in the sensor's frame [m]
+  std::array<double, 3> device_rotation{};  ///< vector, of its axes [rad]
 
   SourceSettings();
 };
@@ -51,6 +54,7 @@ struct CalibrationRules {
   bool needs_displacement = false;
   bool calibrated = true;                  ///< a calibration file was given
   std::optional<SampleQuantity> quantity;  ///< of the source; none: not known before it's open
+  Matrix6 device_to_sensor = Matrix6::Identity();  ///< of a device's wrenches
 
   /// Throws InputError, one line that begins with `source`.
   void check(const Calibration& calibration, const std::string& source) const;
