@@ -113,6 +113,20 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
 }
 
+// Mean of `push` with the peg's bottom at p, at rest. [N]
+template <class Push>
+Vec2 pushAt(SearchState& s, const Vec3& p, const Mat3& R, const Push& push) {
+  s.carrier.moveTo(s.frame.restFor(p, R), Move::kNearly);
+  const int n = s.scale.timed(kRest);
+  s.carrier.wait(n);
+  Vec2 sum = Vec2::Zero();
+  for (int i = 0; i < n; ++i) {
+    s.carrier.wait(1);
+    sum += push() / n;
+  }
+  return sum;
+}
+
 // A touch whose line of action is nearer to the axis than the edge may be on two points of the rim,
 // or on one point with a sensor in error. Fits both and returns the one with the smaller chi2 per
 // residual.
@@ -441,12 +455,12 @@ bool EdgeSearch::wall(const Vec3& direction) {
         moved -= (pushed - kPushAfter * wanted) * softness(s_, direction, R);
       }
       pushed =
-          pushedAt(from + moved * direction, R, [&] { return Vec2(push(direction), 0.0); }).x();
+          pushAt(s_, from + moved * direction, R, [&] { return Vec2(push(direction), 0.0); }).x();
     }
     if (pushed < wanted) continue;
     gentler = moved - 0.5 * pushed * softness(s_, direction, R);
-    less = pushedAt(from + gentler * direction, R,
-                    [&] { return Vec2(push(direction), push(across)); });
+    less = pushAt(s_, from + gentler * direction, R,
+                  [&] { return Vec2(push(direction), push(across)); });
     // a wall pushes half as much there; a swinging peg's force doesn't depend on the position
     if (pushed - less.x() < kYields * pushed) pushed = 0.0;
   }
@@ -479,19 +493,6 @@ Vec3 EdgeSearch::relaxed(const Mat3& R) {
   s_.carrier.moveTo(s_.frame.restFor(at, R), Move::kNearly);
   s_.carrier.wait(s_.scale.timed(kRest));
   return at;
-}
-
-// Mean of `push` with the peg's bottom at p, at rest. [N]
-Vec2 EdgeSearch::pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push) {
-  s_.carrier.moveTo(s_.frame.restFor(p, R), Move::kNearly);
-  const int n = s_.scale.timed(kRest);
-  s_.carrier.wait(n);
-  Vec2 sum = Vec2::Zero();
-  for (int i = 0; i < n; ++i) {
-    s_.carrier.wait(1);
-    sum += push() / n;
-  }
-  return sum;
 }
 
 }  // namespace assembly_cell

@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <functional>
 #include <optional>
 #include <vector>
 
@@ -52,8 +51,6 @@ class EdgeSearch {
   bool walls();
   bool wall(const Eigen::Vector3d& direction);
   Eigen::Vector3d relaxed(const Eigen::Matrix3d& R);
-  Eigen::Vector2d pushedAt(const Eigen::Vector3d& p, const Eigen::Matrix3d& R,
-                           const std::function<Eigen::Vector2d()>& push);
 
   Search& search_;
   SearchState& s_;
