@@ -7,6 +7,12 @@
 #include "assembly_cell/math/roots.h"
 
 namespace assembly_cell {
+namespace {
+
+// Depth by which a goal may be missed: errors of the measured plane, the carrier's compliance [m].
+constexpr double kShort = 2e-4;
+
+}  // namespace
 
 Eigen::Vector2d tiltOf(const Pose& X_HP) {
   const Eigen::Vector3d axis = X_HP.R.col(2);
@@ -20,10 +26,16 @@ double reachInBore(double peg_radius, double hole_radius) {
   return hole_radius + std::max(hole_radius - peg_radius, kSunk);
 }
 
-bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
-             double depth) {
-  constexpr double kShort = 2e-4;  // [m]
-  if (depth == 0.0) return edge_reach <= hole_radius;
+double greatestReach(const Pose& X_HE, double peg_radius, double hole_radius) {
+  const double highest = X_HE.p.z() + peg_radius * X_HE.R.col(2).head<2>().norm();
+  return highest <= -kShort ? reachInBore(peg_radius, hole_radius) : hole_radius;
+}
+
+bool inPlace(const Pose& X_HP, double chamfer_height, double edge_reach, double peg_radius,
+             double hole_radius, double depth) {
+  if (depth == 0.0) {
+    return edge_reach <= greatestReach(shoulderPose(X_HP, chamfer_height), peg_radius, hole_radius);
+  }
   const double deepest = peg_radius * X_HP.R.col(2).head<2>().norm() - X_HP.p.z();
   return deepest >= depth - kShort && edge_reach <= reachInBore(peg_radius, hole_radius);
 }

@@ -38,4 +38,23 @@ TEST(Outcome, EdgeReachIsThatOfAnEllipse) {
   EXPECT_NEAR(edgeReach(tilted(t, Eigen::Vector3d(d, 0.0, 0.0)), kRadius), expected, 1e-12);
 }
 
+// A peg that the wall of the bore deforms reaches beyond the hole's radius, and is in the hole if
+// its whole edge is below the face.
+TEST(Outcome, PegAtTheWallIsInTheHoleWhereItsWholeEdgeIsBelowTheFace) {
+  constexpr double kHole = kRadius + 2e-5, kReach = kHole + 5e-6, kTilt = 1e-3;
+  const auto isAligned = [](double height, double chamfer_height, double reach) {
+    return inPlace(tilted(kTilt, Eigen::Vector3d(0.0, 0.0, height)), chamfer_height, reach, kRadius,
+                   kHole, 0.0);
+  };
+  EXPECT_TRUE(isAligned(-0.01, 0.0, kReach));
+  EXPECT_TRUE(isAligned(-0.01, 0.0, kHole + 1e-4));
+  EXPECT_FALSE(isAligned(-0.01, 0.0, kHole + 1.1e-4));
+  // the highest point of the edge is r sin(tilt) = 25 um above its centre
+  EXPECT_TRUE(isAligned(-2.3e-4, 0.0, kReach));
+  EXPECT_FALSE(isAligned(-2.2e-4, 0.0, kReach));
+  EXPECT_TRUE(isAligned(-2.2e-4, 0.0, kHole));
+  // with a chamfer that of the shoulder counts
+  EXPECT_FALSE(isAligned(-2.3e-4, 1e-4, kReach));
+}
+
 }  // namespace

@@ -26,10 +26,15 @@ double edgeReach(const Pose& X_HP, double peg_radius,
 /// micrometres a second where it slides: by 0.1 mm or the clearance.
 double reachInBore(double peg_radius, double hole_radius);
 
-/// Whether a peg whose edge is so far from the bore's axis is aligned (depth 0: the edge is in the
-/// hole) or inserted to a depth, all [m]: in the bore and its edge's lowest point no more than 0.2
-/// mm short of it, within the errors of the measured plane and the carrier's compliance.
-bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
-             double depth);
+/// Greatest edgeReach() of a peg that is in the hole, X_HE being the pose of its edge [m]: that in
+/// the bore where the whole edge is 0.2 mm below the face, else the hole's radius.
+double greatestReach(const Pose& X_HE, double peg_radius, double hole_radius);
+
+/// Whether a peg with this edgeReach() is in place, lengths in [m]. Depth 0: aligned, its edge is
+/// in the hole. Otherwise inserted: it is in the bore, and the lowest point of its edge is no more
+/// than 0.2 mm above the depth, within the errors of the measured plane and the carrier's
+/// compliance.
+bool inPlace(const Pose& X_HP, double chamfer_height, double edge_reach, double peg_radius,
+             double hole_radius, double depth);
 
 }  // namespace assembly_cell

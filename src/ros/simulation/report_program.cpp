@@ -67,14 +67,15 @@ void addTruth(AlignmentReport& report, const ReportDetails& details) {
 bool verdict(const AlignmentReport& report, const ReportDetails& details) {
   if (!report.success) return false;
   if (!details.truth_end) return true;
-  return inPlace(*details.truth_end, reachAtEnd(details), details.peg_radius, details.hole_radius,
-                 details.insert);
+  return inPlace(*details.truth_end, details.chamfer_height, reachAtEnd(details),
+                 details.peg_radius, details.hole_radius, details.insert);
 }
 
 std::string whereTheEdgeIs(double reach, const ReportDetails& details) {
   if (reach <= details.hole_radius) return "inside\n";
   const bool leans =
-      details.insert > 0.0 && reach <= reachInBore(details.peg_radius, details.hole_radius);
+      reach <= greatestReach(shoulderPose(*details.truth_end, details.chamfer_height),
+                             details.peg_radius, details.hole_radius);
   return leans ? "inside, on its wall\n" : "NOT inside\n";
 }
 
