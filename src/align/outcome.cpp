@@ -11,6 +11,8 @@ namespace {
 
 // Depth by which a goal may be missed: errors of the measured plane, the carrier's compliance [m].
 constexpr double kShort = 2e-4;
+// Depth by which a peg that leans on the wall for some seconds sinks into it [m].
+constexpr double kLeans = 2e-5;
 
 }  // namespace
 
@@ -28,7 +30,7 @@ double reachInBore(double peg_radius, double hole_radius) {
 
 double greatestReach(const Pose& X_HE, double peg_radius, double hole_radius) {
   const double highest = X_HE.p.z() + peg_radius * X_HE.R.col(2).head<2>().norm();
-  return highest <= -kShort ? reachInBore(peg_radius, hole_radius) : hole_radius;
+  return highest <= -kShort ? hole_radius + kLeans : hole_radius;
 }
 
 bool inPlace(const Pose& X_HP, double chamfer_height, double edge_reach, double peg_radius,

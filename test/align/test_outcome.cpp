@@ -47,8 +47,8 @@ TEST(Outcome, PegAtTheWallIsInTheHoleWhereItsWholeEdgeIsBelowTheFace) {
                    kHole, 0.0);
   };
   EXPECT_TRUE(isAligned(-0.01, 0.0, kReach));
-  EXPECT_TRUE(isAligned(-0.01, 0.0, kHole + 1e-4));
-  EXPECT_FALSE(isAligned(-0.01, 0.0, kHole + 1.1e-4));
+  EXPECT_TRUE(isAligned(-0.01, 0.0, kHole + 1.9e-5));
+  EXPECT_FALSE(isAligned(-0.01, 0.0, kHole + 2.1e-5));
   // the highest point of the edge is r sin(tilt) = 25 um above its centre
   EXPECT_TRUE(isAligned(-2.3e-4, 0.0, kReach));
   EXPECT_FALSE(isAligned(-2.2e-4, 0.0, kReach));

@@ -26,8 +26,9 @@ double edgeReach(const Pose& X_HP, double peg_radius,
 /// micrometres a second where it slides: by 0.1 mm or the clearance.
 double reachInBore(double peg_radius, double hole_radius);
 
-/// Greatest edgeReach() of a peg that is in the hole, X_HE being the pose of its edge [m]: that in
-/// the bore where the whole edge is 0.2 mm below the face, else the hole's radius.
+/// Greatest edgeReach() of an aligned peg, X_HE being the pose of its edge [m]: the hole's radius,
+/// and 20 µm more where the whole edge is 0.2 mm below the face, so that only the wall can be
+/// beside it.
 double greatestReach(const Pose& X_HE, double peg_radius, double hole_radius);
 
 /// Whether a peg with this edgeReach() is in place, lengths in [m]. Depth 0: aligned, its edge is

@@ -73,9 +73,11 @@ bool verdict(const AlignmentReport& report, const ReportDetails& details) {
 
 std::string whereTheEdgeIs(double reach, const ReportDetails& details) {
   if (reach <= details.hole_radius) return "inside\n";
-  const bool leans =
-      reach <= greatestReach(shoulderPose(*details.truth_end, details.chamfer_height),
-                             details.peg_radius, details.hole_radius);
+  const double greatest =
+      details.insert > 0.0 ? reachInBore(details.peg_radius, details.hole_radius)
+                           : greatestReach(shoulderPose(*details.truth_end, details.chamfer_height),
+                                           details.peg_radius, details.hole_radius);
+  const bool leans = reach <= greatest;
   return leans ? "inside, on its wall\n" : "NOT inside\n";
 }
 
