@@ -161,7 +161,7 @@ TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheGroundTruth) {
   EXPECT_GT(std::hypot(e.true_offset[0], e.true_offset[1]), 3e-3);
   EXPECT_LT(s().find<QLabel>("offset_error")->text().toDouble(), 0.1);
   EXPECT_LT(s().find<QLabel>("tilt_error")->text().toDouble(), 0.1);
-  EXPECT_TRUE(s().shows("contacts", std::to_string(report.contacts) + " read"))
+  EXPECT_TRUE(s().shows("contacts", std::to_string(report.contacts) + " in "))
       << s().text("contacts");
   keepPicture(s().widget);
 }
