@@ -209,6 +209,7 @@ void EdgeSearch::enterByWalls() {
     if (spent > kEntryTime * s_.scale.time * s_.carrier.delay.longer()) refuseTooTight();
   }
   if (!went_in) {
+    known = false;  // the estimate was wrong: a further attempt surveys again
     throw AlignError(AlignFailure::kNoHoleUnderEdge,
                      text("the edge was put down in %d places where the hole may be, and each time "
                           "touched the face",

@@ -322,7 +322,9 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& request) {
     answer.profile_sideways.push_back(finite(reading.sideways));
     answer.profile_moment.push_back(finite(reading.moment));
   }
-  servers_.assemble->finish(result.success, answer, result.reason);
+  servers_.assemble->finish(
+      result.success, answer,
+      result.insert.seated ? text("seated: %.2f mm deep", answer.depth * 1e3) : result.reason);
 }
 
 void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {

@@ -397,6 +397,14 @@ TEST_F(Markers, OfferAViewOfTheRimFromAbove) {
   // an inserted edge three radii deep looks as large as the rim, to a thirtieth
   const Eigen::Vector3d deep = R * Eigen::Vector3d(0.0, radius, -3.0 * radius) + p;
   EXPECT_NEAR(deep.y() / deep.z() * p.z(), seen.y() / seen.z() * p.z(), radius / 30.0);
+  // where rim and peg are drawn in the true hole's frame, the camera looks along its axis
+  geometry_msgs::PoseStamped truth;
+  truth.pose = toPose(Pose());
+  truth_pub_.publish(truth);
+  EXPECT_TRUE(waitFor([&] {
+    std::string parent;
+    return frames._getParent("rim_camera", ros::Time(), parent) && parent == "hole_truth";
+  }));
 }
 
 // rviz's first view is as far from a small peg as from a large one

@@ -239,6 +239,7 @@ TEST_F(Supervisor, AssemblesToADepth) {
   ASSERT_EQ(state.state_, SimpleClientGoalState::SUCCEEDED) << result.report.reason;
   EXPECT_TRUE(result.report.success);
   EXPECT_GE(result.depth, 0.03);
+  EXPECT_EQ(assemble_.getState().getText(), text("seated: %.2f mm deep", result.depth * 1e3));
   EXPECT_LT(result.force, 30.0);  // insertion.md, section 4
   EXPECT_GT(result.time, 1.0);
   {

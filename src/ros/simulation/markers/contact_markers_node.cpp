@@ -56,7 +56,7 @@ void ContactMarkersNode::update() {
   }
   active_ = wanted;
   if (active_) publish();
-  rim_view_.update(shapes_.hole_radius);
+  rim_view_.update(view_.truth ? kHoleTruthFrame : kHoleFrame, shapes_.hole_radius);
 }
 
 void ContactMarkersNode::subscribe() {

@@ -23,9 +23,9 @@ constexpr double kHeight = 90.0;
 constexpr double kSeen = 1.5;    // from the middle to each side, in radii of the hole
 constexpr double kPeriod = 0.5;  // wall clock [s]
 
-geometry_msgs::TransformStamped frameAbove(double height) {
+geometry_msgs::TransformStamped frameAbove(const std::string& hole, double height) {
   geometry_msgs::TransformStamped frame;
-  frame.header.frame_id = kHoleFrame;
+  frame.header.frame_id = hole;
   frame.child_frame_id = kRimCameraFrame;
   frame.transform.translation.z = height;
   frame.transform.rotation.x = 1.0;  // half a turn about x: z looks down
@@ -53,16 +53,17 @@ RimView::RimView(ros::NodeHandle& nh)
 
 RimView::~RimView() = default;
 
-void RimView::update(double hole_radius) {
+void RimView::update(const std::string& hole_frame, double hole_radius) {
   const ros::WallTime now = ros::WallTime::now();
   if (hole_radius <= 0.0 || image_pub_.getNumSubscribers() == 0 ||
       (now - sent_).toSec() < kPeriod) {
     return;
   }
   sent_ = now;
-  if (!frame_) {
-    frame_.emplace();
-    frame_->send({frameAbove(kHeight * hole_radius)});
+  if (!frame_) frame_.emplace();
+  if (parent_ != hole_frame) {
+    parent_ = hole_frame;
+    frame_->send({frameAbove(hole_frame, kHeight * hole_radius)});
   }
   sensor_msgs::Image image;  // no stamp: with the latest transforms
   image.header.frame_id = kRimCameraFrame;
