@@ -28,15 +28,16 @@ double reachInBore(double peg_radius, double hole_radius) {
   return hole_radius + std::max(hole_radius - peg_radius, kSunk);
 }
 
-double greatestReach(const Pose& X_HE, double peg_radius, double hole_radius) {
-  const double highest = X_HE.p.z() + peg_radius * X_HE.R.col(2).head<2>().norm();
+double greatestReach(const Pose& X_HP, double chamfers, double peg_radius, double hole_radius) {
+  const Pose X = shoulderPose(X_HP, chamfers);
+  const double highest = X.p.z() + peg_radius * X.R.col(2).head<2>().norm();
   return highest <= -kShort ? hole_radius + kLeans : hole_radius;
 }
 
-bool inPlace(const Pose& X_HP, double chamfer_height, double edge_reach, double peg_radius,
+bool inPlace(const Pose& X_HP, double chamfers, double edge_reach, double peg_radius,
              double hole_radius, double depth) {
   if (depth == 0.0) {
-    return edge_reach <= greatestReach(shoulderPose(X_HP, chamfer_height), peg_radius, hole_radius);
+    return edge_reach <= greatestReach(X_HP, chamfers, peg_radius, hole_radius);
   }
   const double deepest = peg_radius * X_HP.R.col(2).head<2>().norm() - X_HP.p.z();
   return deepest >= depth - kShort && edge_reach <= reachInBore(peg_radius, hole_radius);

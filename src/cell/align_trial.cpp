@@ -70,8 +70,9 @@ void evaluateEnd(const Scenario& truth, const InsertParameters& insert, AlignTri
   const double reach = edgeReach(shoulderPose(trial.X_HP, chamferHeight(peg)), peg.radius,
                                  truth.imperfections.bore_lean);
   trial.depth = -trial.X_HP.p.z();
-  trial.success = trial.result.success && inPlace(trial.X_HP, chamferHeight(peg), reach, peg.radius,
-                                                  hole.radius, insert.goal(hole.depth));
+  trial.success =
+      trial.result.success && inPlace(trial.X_HP, chamferHeight(peg) + chamferDepth(hole), reach,
+                                      peg.radius, hole.radius, insert.goal(hole.depth));
   trial.false_success = trial.result.success && !trial.success;
   if (!trial.false_success) return;
   const AlignError outside = insert.wanted()

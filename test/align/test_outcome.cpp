@@ -42,8 +42,8 @@ TEST(Outcome, EdgeReachIsThatOfAnEllipse) {
 // its whole edge is below the face.
 TEST(Outcome, PegAtTheWallIsInTheHoleWhereItsWholeEdgeIsBelowTheFace) {
   constexpr double kHole = kRadius + 2e-5, kReach = kHole + 5e-6, kTilt = 1e-3;
-  const auto isAligned = [](double height, double chamfer_height, double reach) {
-    return inPlace(tilted(kTilt, Eigen::Vector3d(0.0, 0.0, height)), chamfer_height, reach, kRadius,
+  const auto isAligned = [](double height, double chamfers, double reach) {
+    return inPlace(tilted(kTilt, Eigen::Vector3d(0.0, 0.0, height)), chamfers, reach, kRadius,
                    kHole, 0.0);
   };
   EXPECT_TRUE(isAligned(-0.01, 0.0, kReach));
@@ -53,7 +53,7 @@ TEST(Outcome, PegAtTheWallIsInTheHoleWhereItsWholeEdgeIsBelowTheFace) {
   EXPECT_TRUE(isAligned(-2.3e-4, 0.0, kReach));
   EXPECT_FALSE(isAligned(-2.2e-4, 0.0, kReach));
   EXPECT_TRUE(isAligned(-2.2e-4, 0.0, kHole));
-  // with a chamfer that of the shoulder counts
+  // with chamfers the shoulder has to be so far below the rim of the bore
   EXPECT_FALSE(isAligned(-2.3e-4, 1e-4, kReach));
 }
 

@@ -26,16 +26,16 @@ double edgeReach(const Pose& X_HP, double peg_radius,
 /// micrometres a second where it slides: by 0.1 mm or the clearance.
 double reachInBore(double peg_radius, double hole_radius);
 
-/// Greatest edgeReach() of an aligned peg, X_HE being the pose of its edge [m]: the hole's radius,
-/// and 20 µm more where the whole edge is 0.2 mm below the face, so that only the wall can be
-/// beside it.
-double greatestReach(const Pose& X_HE, double peg_radius, double hole_radius);
+/// Greatest edgeReach() of an aligned peg [m]: the hole's radius, and 20 µm more where the whole
+/// edge is 0.2 mm below the rim of the bore, so that only the wall can be beside it. chamfers:
+/// height of the peg's chamfer plus depth of the hole's [m].
+double greatestReach(const Pose& X_HP, double chamfers, double peg_radius, double hole_radius);
 
 /// Whether a peg with this edgeReach() is in place, lengths in [m]. Depth 0: aligned, its edge is
 /// in the hole. Otherwise inserted: it is in the bore, and the lowest point of its edge is no more
 /// than 0.2 mm above the depth, within the errors of the measured plane and the carrier's
-/// compliance.
-bool inPlace(const Pose& X_HP, double chamfer_height, double edge_reach, double peg_radius,
+/// compliance. chamfers: as above.
+bool inPlace(const Pose& X_HP, double chamfers, double edge_reach, double peg_radius,
              double hole_radius, double depth);
 
 }  // namespace assembly_cell

@@ -10,7 +10,7 @@
 namespace assembly_cell {
 namespace {
 
-// Greatest compliance of a contact that is pressed, over that of the coupling.
+// Greatest compliance of a contact that is pressed, as a multiple of the coupling's.
 constexpr double kMaxCompliance = 3.0;
 // Blocks after which a swing has decayed, so that a remaining change of force may be noise.
 constexpr int kSwingBlocks = 50;
@@ -26,9 +26,9 @@ constexpr int kFaultyBlocks = 50;
 constexpr int kSlowMotions = 10;
 constexpr int kLastBlocks = 20;
 constexpr double kNearer = 2e-5;  // [m]
-// Increase of the force, over the force limit, at which a peg that moves freely counts as caught. A
-// carrier at 50 mm/s then strains the coupling of the default cell by 35 N more until it has
-// stopped, after a block, 10 ms, and braking at 1 m/s².
+// Increase of the force, as a fraction of the force limit, at which a peg that moves freely counts
+// as caught. A carrier at 50 mm/s then strains the coupling of the default cell by 35 N more until
+// it has stopped, after a block, 10 ms, and braking at 1 m/s².
 constexpr double kCaught = 0.25;
 
 // Distance between two poses [m].

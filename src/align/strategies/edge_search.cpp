@@ -38,14 +38,14 @@ constexpr int kZeroBlocks = 2;
 constexpr double kZeroLasts = 2.0;
 // Speed of the approach over that of approach_step. A touch then reaches F_t + K v T + K v²/(2a) =
 // 7 N, with F_t = 1.5 N, K = 30 N/mm, T = 20 ms, a = 1 m/s². With 1 a cycle takes 0.8 s longer,
-// with 2 the force is 14 N.
+// with twice of it the force is 14 N.
 constexpr double kFaster = 1.5;
 // Travel up within which a peg lifted out of the hole is expected to be free [m].
 constexpr double kPullFree = 5e-4;
 // Lateral distance below which two places count as the same [m].
 constexpr double kSpot = 1e-4;
 // A descent that ends without a touch is measured again at rest where Scale::sink times this
-// exceeds Scale::length: a touch of the default cell sinks in by a quarter of kDeep.
+// exceeds Scale::length: a touch of the default cell sinks in by an eighth of kDeep.
 constexpr double kSinks = 0.5;
 // Depth of the peg's lowest point below the face that counts as inside the hole [m].
 constexpr double kDeep = 4e-4;
@@ -92,6 +92,8 @@ constexpr double kTightSds = 2.0;
 // Entries refused by the hole after which it counts as probably smaller than the peg. Of 24 fits of
 // 10 um at level 2 one was refused twice, none more often.
 constexpr int kRefused = 5;
+// Standard deviation of a clearance that counts as measured, over that of the drawing.
+constexpr double kMeasured = 0.6;
 // Standard deviations of the margins around the hole's estimated centre and height.
 constexpr double kSure = 2.5;
 // Lateral share of the force on a chamfer of 45 degrees: (1 - mu) / (1 + mu), 0.54 for mu = 0.3.
@@ -206,7 +208,8 @@ void EdgeSearch::enterByWalls() {
     if (search_.entry.enter(s_.hole.center)) return;
     bottom = s_.target().p;
     const double spent = s_.carrier.last().time - s_.start_time;
-    if (spent > kEntryTime * s_.scale.time * s_.carrier.delay.longer()) refuseTooTight();
+    const double slower = moreDrops(s_.mechanism) * s_.scale.time * s_.carrier.delay.longer();
+    if (spent > kEntryTime * slower) refuseTooTight();
   }
   if (!went_in) {
     known = false;  // the estimate was wrong: a further attempt surveys again
@@ -221,8 +224,9 @@ void EdgeSearch::enterByWalls() {
 
 void EdgeSearch::refuseTooTight() const {
   const Clearance& clearance = s_.known.clearance;
-  const double slack = search_.entry.refused < kRefused ? 0.0 : kTightSds * clearance.sd;
-  if (!known || clearance.mean > slack) return;
+  const bool is_measured = clearance.sd < kMeasured * drawnClearance(s_.mechanism).sd;
+  const bool is_refused = is_measured && search_.entry.refused >= kRefused;
+  if (!known || clearance.mean > (is_refused ? kTightSds * clearance.sd : 0.0)) return;
   const double interference = kTightSds * clearance.sd - clearance.mean;
   throw AlignError(
       AlignFailure::kTooTight,
@@ -251,7 +255,8 @@ double EdgeSearch::dip(const Mat3& R) const {
   return tipRadius(s_.mechanism.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
 }
 
-// Over a place and rotated there, free; takes the zero again where it is old.
+// Moves the free peg above a place and rotates it there. Takes the zero again if it is old, if the
+// force isn't that of a free peg, or with a carrier that answers late.
 void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   const Mat3 now = s_.frame.carrierPose(s_.carrier.target()).R;
   Vec3 up = s_.target().p;
@@ -482,7 +487,8 @@ bool EdgeSearch::wall(const Vec3& direction) {
   return true;
 }
 
-// Moves the carrier sideways until no wall strains the coupling. Returns the bottom's centre there.
+// Moves the carrier sideways once by the strain of the coupling, so that no wall strains it.
+// Returns the bottom's centre there.
 Vec3 EdgeSearch::relaxed(const Mat3& R) {
   Vec3 at = s_.target().p;
   s_.carrier.wait(s_.scale.timed(kRest));

@@ -23,6 +23,8 @@ constexpr double kDirected = 1.4e-3, kDirectedSd = 2.5e-3;
 constexpr double kTiltSd = 0.02;
 // Attempts after failures from which the peg came free again, the first one included.
 constexpr int kAttempts = 4;
+// Surveys after each of which the edge touched the face wherever the hole may be: there is none.
+constexpr int kWithoutHole = 3;
 // Addition to the peg's tilt while the face's tilt is unknown [rad].
 constexpr double kMoreTilt = 0.01;
 // Height of the retreat after a failed attempt [m].
@@ -83,13 +85,15 @@ void find(Search& search) {
   if (search.begin()) return;
   EdgeSearch edge(search);
   edge.bottom = Vec3(0, 0, -s.frame.length());
+  int without_hole = 0;
   for (int k = 1;; ++k) {
     try {
       if (!edge.known) survey(edge, s);
       edge.enterByWalls();
       return;
     } catch (const AlignError& error) {
-      if (k >= kAttempts || !isRecoverable(error.failure)) {
+      without_hole += error.failure == AlignFailure::kNoHoleUnderEdge ? 1 : 0;
+      if (k >= kAttempts || without_hole == kWithoutHole || !isRecoverable(error.failure)) {
         if (error.failure == AlignFailure::kWedged) edge.refuseTooTight();
         throw;
       }

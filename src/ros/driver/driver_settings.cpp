@@ -50,7 +50,7 @@ void fields(FieldList& f, SourceSettings& s) {
   f.number("range_force", s.range_force, positive("N"),
            "A force beyond counts as saturated, of a device that delivers wrenches.");
   f.number("range_torque", s.range_torque, positive("N m"), "The same of a torque.");
-  f.numbers("device_position", s.device_position.data(), s.device_position.size(), finite("m"),
+  f.numbers("device_position", s.device_position.data(), s.device_position.size(), {-2.0, 2.0, "m"},
             "Origin of a device that delivers wrenches, in the sensor's frame.");
   f.numbers("device_rotation", s.device_rotation.data(), s.device_rotation.size(),
             {-2.0 * M_PI, 2.0 * M_PI, "rad"},

@@ -67,16 +67,17 @@ void addTruth(AlignmentReport& report, const ReportDetails& details) {
 bool verdict(const AlignmentReport& report, const ReportDetails& details) {
   if (!report.success) return false;
   if (!details.truth_end) return true;
-  return inPlace(*details.truth_end, details.chamfer_height, reachAtEnd(details),
-                 details.peg_radius, details.hole_radius, details.insert);
+  return inPlace(*details.truth_end, details.chamfer_height + details.chamfer_depth,
+                 reachAtEnd(details), details.peg_radius, details.hole_radius, details.insert);
 }
 
 std::string whereTheEdgeIs(double reach, const ReportDetails& details) {
   if (reach <= details.hole_radius) return "inside\n";
   const double greatest =
-      details.insert > 0.0 ? reachInBore(details.peg_radius, details.hole_radius)
-                           : greatestReach(shoulderPose(*details.truth_end, details.chamfer_height),
-                                           details.peg_radius, details.hole_radius);
+      details.insert > 0.0
+          ? reachInBore(details.peg_radius, details.hole_radius)
+          : greatestReach(*details.truth_end, details.chamfer_height + details.chamfer_depth,
+                          details.peg_radius, details.hole_radius);
   const bool leans = reach <= greatest;
   return leans ? "inside, on its wall\n" : "NOT inside\n";
 }
@@ -268,6 +269,7 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   details_.peg_radius = description.peg.radius;
   details_.chamfer_height = chamferHeight(description.peg);
   details_.hole_radius = description.hole.radius;
+  details_.chamfer_depth = chamferDepth(description.hole);
   if (details_.floor) details_.insert = description.hole.depth;
 }
 

@@ -14,8 +14,8 @@ class PressController {
   /// Lowers the peg until it touches. False when the rest height `floor` [m] was reached without a
   /// touch. Throws AlignError `no_contact` after the descent limit, and `wrong_mechanism` if the
   /// delay in the first descent contradicts the file of the mechanism.
-  /// `faster`: factor of the speed, for a carrier that follows at once and a coupling no stiffer
-  /// than the default one; in others it is 1.
+  /// `faster`: factor of the speed. It is 1 with an arm or a carrier that answers late, and falls
+  /// to 1 with the stiffness of the coupling.
   bool approach(double floor, double faster = 1.0);
   double touchZ() const { return touch_z_; }  ///< rest height at the last touch of approach() [m]
 

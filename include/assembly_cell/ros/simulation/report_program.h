@@ -30,6 +30,7 @@ struct ReportDetails {
   std::string strategy;
   double peg_radius = 0.0, hole_radius = 0.0;  ///< [m]
   double chamfer_height = 0.0;                 ///< of the peg [m]
+  double chamfer_depth = 0.0;                  ///< of the hole [m]
   std::optional<Pose> truth_start, truth_end;  ///< X_HP
   double insert = 0.0;               ///< depth that the peg was to reach; 0: aligned only [m]
   bool floor = false;                ///< that depth is the hole's: down to its floor
