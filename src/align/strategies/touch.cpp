@@ -23,7 +23,7 @@ constexpr double kDirected = 1.4e-3, kDirectedSd = 2.5e-3;
 constexpr double kTiltSd = 0.02;
 // Attempts after failures from which the peg came free again, the first one included.
 constexpr int kAttempts = 4;
-// Surveys after each of which the edge touched the face wherever the hole may be: there is none.
+// Surveys without a hole: after each the edge touched the face in all places where it may be.
 constexpr int kWithoutHole = 3;
 // Addition to the peg's tilt while the face's tilt is unknown [rad].
 constexpr double kMoreTilt = 0.01;

@@ -42,7 +42,7 @@ class ContactSensor {
 
   /// Sets a zero of blocks up to the latest one. It becomes the first tare where there is none.
   void setTare(const Tare& tare);
-  /// Makes the next tare the first one.
+  /// Makes isTared() false. The next tare becomes the reference for whether the peg is free.
   void clearTare() { tared_ = false; }
   bool isTared() const { return tared_; }
   const Tare& tare() const { return tare_; }

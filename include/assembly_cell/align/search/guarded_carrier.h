@@ -104,7 +104,7 @@ class GuardedCarrier {
   /// Takes the zero of force and deflection of the free peg: waits until it is at rest, then
   /// averages `blocks` blocks. Throws AlignError `not_still`.
   void tare(int blocks = 10, const Rest& rest = {});
-  /// Makes the next tare the first one; forces are not checked until then.
+  /// See ContactSensor::clearTare(). Forces are not checked until the next tare.
   void clearTare() { sensor_.clearTare(); }
   /// Waits until the peg is at rest; false if it doesn't come to rest. Throws AlignError
   /// `sensor_saturated` if a channel stays at its limit.
