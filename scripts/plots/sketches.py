@@ -1,6 +1,6 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 """Sketches, not to scale: docs/images/strategy_touch.png (touch step by step), docs/images/contact_modes.png (modes and loci),
-docs/images/two_point.png (two-point contact, jamming)."""
+docs/images/two_point.png (two-point contact, jamming), docs/images/safety.png (who ends what, a stop at a contact)."""
 import math
 
 from plots.style import add_output, plt, save
@@ -99,6 +99,49 @@ def jamming(axes, friction=0.3):
     axes.legend(fontsize=9)
 
 
+# what stands between a goal and the arm: name, what it ends by itself; colour
+DEFENCE = [
+    ("assembly_supervisor", "ends a goal: no data, saturation,\ndisturbance, time limit, cancel", "#f9dcc4"),
+    ("guard of the plant\n(simulator or arm_bridge)", "stops the carrier, exciter off: lease out,\nload, old or foreign command, workspace", "#f9dcc4"),
+    ("drive of the arm, exciter's driver", "stop without fresh commands;\ntheir own limits of speed and force", BLOCK),
+    ("emergency stop", "takes the power away", BLOCK),
+]
+
+
+def defence(axes):
+    for k, (name, ends, color) in enumerate(DEFENCE):
+        y = 3.0 - k
+        axes.text(0.0, y, name, ha="center", va="center", fontsize=10, weight="bold",
+                  bbox={"boxstyle": "round,pad=0.45", "facecolor": color, "edgecolor": "0.3", "lw": 0.8})  # fmt: skip
+        axes.text(1.0, y, ends, ha="left", va="center", fontsize=9.5)
+        if k in (1, 2):
+            axes.annotate("", (0.0, y + 0.3), (0.0, y + 0.7), arrowprops={"arrowstyle": "-|>", "color": "0.45"})
+    axes.text(-0.05, 2.5, "leases, commands ", ha="right", va="center", fontsize=9)
+    axes.text(-0.05, 1.5, "set points ", ha="right", va="center", fontsize=9)
+    axes.set(xlim=(-1.1, 3.3), ylim=(-0.5, 3.5))
+    axes.axis("off")
+    axes.set_title("each stops without the ones above; orange: this package", fontsize=11)
+
+
+def stop_at_contact(axes):
+    """Force of a move at v that meets a contact of stiffness K, seen after T, and stops at a: K v T + K v^2/(2 a) at the end."""
+    delay, braking = 1.0, 1.2  # times; v = K = 1
+    rise = [(t, t) for t in (0.0, delay)]
+    stop = [(delay + t, delay + t - t * t / (2 * braking)) for t in (braking * k / 30 for k in range(31))]
+    most = stop[-1][1]
+    axes.plot(*zip((-0.6, 0.0), rise[0]), *zip(*rise), color="#1f4fbf", lw=2)
+    axes.plot(*zip(*stop, (delay + braking + 0.8, most)), color=RED, lw=2)
+    axes.plot([delay, delay], [0, delay], "k:", lw=1)
+    axes.plot([delay + braking] * 2, [0, most], "k:", lw=1)
+    for low, high, words in ((0.0, delay, "$T$: delay"), (delay, delay + braking, "$v/a$: braking")):
+        axes.annotate("", (low, 0.08), (high, 0.08), arrowprops={"arrowstyle": "<->", "color": "k"})
+        axes.text(0.4 * low + 0.6 * high, 0.13, words, ha="center", fontsize=10)
+    axes.text(delay + braking + 0.75, most + 0.05, "$K v T + K v^2/(2a)$", ha="right", va="bottom", fontsize=11)
+    axes.text(-0.55, 0.06, "free", fontsize=10)
+    axes.set(xlim=(-0.6, delay + braking + 0.8), ylim=(0, 1.25 * most), xticks=[], yticks=[], xlabel="time", ylabel="force")
+    axes.set_title("a free move meets a contact of stiffness $K$ at speed $v$", fontsize=11)
+
+
 def add_arguments(parser):
     add_output(parser)
 
@@ -122,3 +165,8 @@ def draw(options):
     two_point(axes[0])
     jamming(axes[1])
     save(figure, options.output, "two_point.png")
+
+    figure, axes = plt.subplots(1, 2, figsize=(12, 3.6), gridspec_kw={"width_ratios": (1.4, 1)})
+    defence(axes[0])
+    stop_at_contact(axes[1])
+    save(figure, options.output, "safety.png")
