@@ -2,7 +2,7 @@
 """Share seated, time and force of each cell of docs/results/tables/insertion_1.csv, with what is wanted: docs/images/insertion.png."""
 import os
 
-from plots.levels import numbers
+from plots.levels import draw_medians, draw_shares, numbers
 from plots.style import ROOT, add_output, plt, rows_of, save
 
 TABLE = os.path.join(ROOT, "docs", "results", "tables", "insertion_1.csv")
@@ -19,14 +19,10 @@ def draw(options):
         x = [cells.index(row["radial clearance"]) + 0.24 * (number - 0.5 * (len(levels) - 1)) for row in of_level]
         style = {"fmt": "os^D"[number % 4], "color": f"C{number}", "ms": 5, "capsize": 3}
         counts = [numbers(row["seated"]) for row in of_level]
-        seated = [100 * good / runs for good, runs in counts]
-        ends = [numbers(row["95 %"]) for row in of_level]
         wanted = [numbers(row["wanted"]) for row in of_level]  # share [%], time [s], force [N]
-        panels[0].errorbar(x, seated, [[max(0.0, y - low) for y, (low, _) in zip(seated, ends)],
-                                       [max(0.0, high - y) for y, (_, high) in zip(seated, ends)]], label=f"level {level}", **style)  # fmt: skip
-        for panel, column in ((panels[1], TIME), (panels[2], FORCE)):
-            pairs = [numbers(row[column]) for row in of_level]
-            panel.errorbar(x, [low for low, _ in pairs], [[0.0] * len(x), [high - low for low, high in pairs]], **style)
+        draw_shares(panels[0], x, of_level, [100 * good / runs for good, runs in counts], label=f"level {level}", **style)
+        draw_medians(panels[1], x, [numbers(row[TIME]) for row in of_level], **style)
+        draw_medians(panels[2], x, [numbers(row[FORCE]) for row in of_level], **style)
         for panel, place in zip(panels, range(3)):
             known = [(at, values[place]) for at, values in zip(x, wanted) if len(values) > place]
             panel.plot([at for at, _ in known], [value for _, value in known], "_", color="k", ms=14, label="wanted" if number == 0 else None)

@@ -13,6 +13,19 @@ def numbers(cell):
     return [float(number) for number in re.findall(r"\d[\d.]*", cell)]
 
 
+def draw_shares(axes, x, rows, shares, **style):
+    """Shares [%] with the interval of each row's column `95 %`."""
+    ends = [numbers(row["95 %"]) for row in rows]
+    axes.errorbar(x, shares, [[max(0.0, share - low) for share, (low, _) in zip(shares, ends)],
+                              [max(0.0, high - share) for share, (_, high) in zip(shares, ends)]], **style)  # fmt: skip
+
+
+def draw_medians(axes, x, pairs, **style):
+    """Medians, with a bar up to the second number of each pair; none where a pair is empty."""
+    known = [(at, *pair) for at, pair in zip(x, pairs) if pair]
+    axes.errorbar([at for at, _, _ in known], [low for _, low, _ in known], [[0.0] * len(known), [high - low for _, low, high in known]], **style)
+
+
 def draw(options):
     strategies = {}
     for row in rows_of(options.input):
@@ -22,15 +35,11 @@ def draw(options):
     for number, (name, rows) in enumerate(strategies.items()):
         beside = 0.06 * (number - 0.5 * (len(strategies) - 1))
         colour, marker = f"C{number}", "os^Dv"[number % 5]
-        aligned = [100 * float(row["fraction"]) for _, row in rows]
-        ends = [numbers(row["95 %"]) for _, row in rows]
-        success.errorbar([level + beside for level, _ in rows], aligned, [[max(0.0, a - low) for a, (low, _) in zip(aligned, ends)],
-                                                                          [max(0.0, high - a) for a, (_, high) in zip(aligned, ends)]],
-                         fmt=marker + "-", color=colour, ms=5, capsize=3, label=name)  # fmt: skip
+        style = {"fmt": marker + "-", "color": colour, "ms": 5, "capsize": 3}
+        x = [level + beside for level, _ in rows]
+        draw_shares(success, x, [row for _, row in rows], [100 * float(row["fraction"]) for _, row in rows], label=name, **style)
         # runs that mostly fail have no cycle time
-        known = [(level + beside, *numbers(row["time [s], median (95 %)"])) for level, row in rows if float(row["fraction"]) >= 0.5]
-        time.errorbar([x for x, *_ in known], [median for _, median, _ in known],
-                      [[0.0] * len(known), [p95 - median for _, median, p95 in known]], fmt=marker + "-", color=colour, ms=5, capsize=3)  # fmt: skip
+        draw_medians(time, x, [numbers(row["time [s], median (95 %)"]) if float(row["fraction"]) >= 0.5 else [] for _, row in rows], **style)
     success.set(title="aligned, with 95 % intervals", ylabel="[%]", ylim=(-3, 103))
     time.set(title="cycle time: median, bar to the 95th percentile", ylabel="[s]", ylim=(0, None))
     for axes in (success, time):

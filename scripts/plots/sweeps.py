@@ -2,7 +2,7 @@
 """Success, time and force over clearance, latency and compliance, from docs/results/tables/sweeps_1.csv and _2.csv: docs/images/sweeps.png."""
 import os
 
-from plots.levels import numbers
+from plots.levels import draw_medians, draw_shares, numbers
 from plots.style import ROOT, add_output, plt, rows_of, save
 
 DRAWN = ("clearance [drawn]", "latency [ms]", "compliance [µm/N]")
@@ -20,13 +20,9 @@ def draw(options):
         for (success, time, force), (of, rows) in zip(panels.T, swept.items()):
             x = [float(row["value"]) for row in rows]
             counts = [numbers(row["succeeded"]) for row in rows]
-            share = [100 * good / runs for good, runs in counts]
-            ends = [numbers(row["95 %"]) for row in rows]
-            success.errorbar(x, share, [[max(0.0, y - low) for y, (low, _) in zip(share, ends)], [max(0.0, high - y) for y, (_, high) in zip(share, ends)]], **style)
-            known = [(value, *numbers(row["time [s], median (95 %)"])) for value, row in zip(x, rows) if row["time [s], median (95 %)"] != "–"]
-            time.errorbar([value for value, *_ in known], [y for _, y, _ in known], [[0.0] * len(known), [high - y for _, y, high in known]], **style)
-            pushed = [numbers(row["force [N], median (most)"]) for row in rows]
-            force.errorbar(x, [y for y, _ in pushed], [[0.0] * len(x), [most - y for y, most in pushed]], **style)
+            draw_shares(success, x, rows, [100 * good / runs for good, runs in counts], **style)
+            draw_medians(time, x, [numbers(row["time [s], median (95 %)"]) for row in rows], **style)
+            draw_medians(force, x, [numbers(row["force [N], median (most)"]) for row in rows], **style)
             expected = [(value, float(row["expected [N]"])) for value, row in zip(x, rows) if row["expected [N]"] != "–"]
             if expected and number == 0:
                 force.plot(*zip(*expected), "k--", label="expected of a touch")
