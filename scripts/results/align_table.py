@@ -3,6 +3,7 @@
 import collections
 import os
 import pathlib
+import shutil
 import subprocess
 
 import yaml
@@ -37,6 +38,20 @@ def align(arguments, report, program=None):
 def level_file(level):
     """Of config/mismatch."""
     return str(ROOT / f"config/mismatch/level_{level}.yaml")
+
+
+def late_arm(folder, latency):
+    """A copy of the emulated arm of config/arm in FOLDER, at 125 Hz and so late [s]: its file for `align --arm`."""
+    late = pathlib.Path(folder) / f"late_{1e3 * latency:g}ms"
+    shutil.copytree(ROOT / "config/arm", late / "config/arm", dirs_exist_ok=True)
+    shutil.copytree(ROOT / "urdf", late / "urdf", dirs_exist_ok=True)
+    for file, values in {"emulate_arm.yaml": {"latency": latency, "rate": 125.0},
+                         "arm_bridge.yaml": {"following_time": latency + 0.15, "rate": 125.0, "delay": latency}}.items():
+        path = late / "config/arm" / file
+        lines = path.read_text(encoding="utf-8").splitlines()
+        path.write_text("\n".join(f"{text.split(':')[0]}: {values[text.split(':')[0]]}" if text.split(":")[0] in values else text
+                                  for text in lines) + "\n", encoding="utf-8")
+    return late / "config/arm/emulated.yaml"
 
 
 def interval(report):
