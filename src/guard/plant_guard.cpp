@@ -49,7 +49,7 @@ GuardVerdict checkSender(PlantGuard& guard, const Sender& sender, double now) {
     return refused(GuardReason::kNoLease, "commands need a lease");
   }
   if (guard.owner != sender.node) {
-    return refused(GuardReason::kOwnedByAnother, guard.owner + " owns the plant");
+    return refused(GuardReason::kHeldByAnother, guard.owner + " owns the plant");
   }
   if (!sender.stamped || !isFresh(sender.stamp, now - kStamp)) {
     return refused(GuardReason::kStale,
@@ -136,7 +136,7 @@ GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t s
     return {};
   }
   if (!guard.owner.empty() && guard.owner != sender.node) {
-    return refused(GuardReason::kOwnedByAnother, guard.owner + " owns the plant");
+    return refused(GuardReason::kHeldByAnother, guard.owner + " owns the plant");
   }
   if (isFromEarlierBoot(guard, sender, now)) {
     return refused(GuardReason::kEarlierBoot, "the lease is older than this run of the plant");

@@ -405,7 +405,7 @@ TEST(ArmGuard, AMissingSourceThatBlocksTheOwnerIsTheReason) {
 TEST(ArmGuard, StaleOrForeignCommandsAreRefused) {
   Cell cell(noLimits());
   EXPECT_EQ(move(cell.arm, {"other", cell.now, true, false}, at(0.01, 0, 0), cell.now).reason,
-            GuardReason::kOwnedByAnother);
+            GuardReason::kHeldByAnother);
   EXPECT_EQ(
       move(cell.arm, {"supervisor", cell.now - 0.1, true, false}, at(0.01, 0, 0), cell.now).reason,
       GuardReason::kStale);

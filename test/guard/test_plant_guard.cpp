@@ -70,10 +70,10 @@ TEST(PlantGuard, ASessionBeginsWithTheExciterOffAndCommandsAlone) {
   EXPECT_FALSE(plant.last.exciter_off);
 
   const GuardVerdict other = checkMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
-  EXPECT_EQ(other.reason, GuardReason::kOwnedByAnother);
+  EXPECT_EQ(other.reason, GuardReason::kHeldByAnother);
   EXPECT_EQ(other.text, "held_by_another: /a owns the plant");
-  EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kOwnedByAnother);
-  EXPECT_EQ(plant.lease("/b", 8), GuardReason::kOwnedByAnother);
+  EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kHeldByAnother);
+  EXPECT_EQ(plant.lease("/b", 8), GuardReason::kHeldByAnother);
   EXPECT_EQ(plant.lease("/b", 0), GuardReason::kNone);
   EXPECT_EQ(plant.guard.owner, "/a");
   // switching off is never refused
@@ -116,7 +116,7 @@ TEST(PlantGuard, Watchdog) {
     EXPECT_GT(plant.now - seen, 0.1 - kBlock);
     // reported once
     EXPECT_FALSE(plant.block().hold);
-    EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kOwnedByAnother);
+    EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kHeldByAnother);
     while (plant.now - seen < 1.0) plant.block();
     EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kNone);
   }

@@ -32,7 +32,7 @@ struct GuardLimits {
 enum class GuardReason {
   kNone,
   // commands and leases
-  kOwnedByAnother,
+  kHeldByAnother,
   kNoLease,
   kStale,
   kEarlierBoot,
