@@ -389,14 +389,13 @@ void readInsert(const std::string& text, assembly_cell::InsertParameters& insert
   }
 }
 
-void setParameters(Options& o) {
-  const assembly_cell::FieldList fields = fieldsOf(o.align);
-  for (const std::string& one : o.parameters) {
-    try {
-      setField(fields, one);
-    } catch (const InputError& error) {
-      throw InputError(std::string("--parameter: ") + error.what());
-    }
+// Refusals of what `change` does to the parameters name the option.
+template <class Change>
+void ofParameters(const Change& change) {
+  try {
+    change();
+  } catch (const InputError& error) {
+    throw InputError(std::string("--parameter: ") + error.what());
   }
 }
 
@@ -540,7 +539,10 @@ int run(const std::vector<std::string>& arguments) {
   // the engine's coupling is bolted to the carrier
   if (o.cell.world.mujoco) o.overrides.insert(o.overrides.begin(), "coupling.axes=carrier");
   readInsert(o.insert, o.align.insert);
-  setParameters(o);
+  ofParameters([&] {
+    const assembly_cell::FieldList fields = fieldsOf(o.align);
+    for (const std::string& one : o.parameters) setField(fields, one);
+  });
   if (!o.arm.empty()) {
     o.cell.arm = std::make_shared<assembly_cell::ArmSetup>(assembly_cell::loadArmSetup(o.arm));
   }
@@ -548,7 +550,7 @@ int run(const std::vector<std::string>& arguments) {
   if (o.cell.arm && o.align.arm_delay == 0.0 && task.scenario.mechanism.arm.delay == 0.0) {
     o.align.arm_delay = o.cell.arm->bridge.limits.delay;
   }
-  assembly_cell::checkParameters(o.align);
+  ofParameters([&] { assembly_cell::checkParameters(o.align); });
   try {
     assembly_cell::checkGoal(task.scenario.mechanism, o.align, o.cell.sensors);
   } catch (const InputError& error) {
