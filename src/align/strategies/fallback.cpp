@@ -45,26 +45,11 @@ bool goBack(Plant& plant, const RestPose& start) {
   return true;
 }
 
-// Failures of the plant or the cell, which another strategy would meet as well.
-bool isFinal(AlignFailure failure) {
-  return failure == AlignFailure::kTooUncertain || failure == AlignFailure::kNoReading ||
-         failure == AlignFailure::kNoContact || failure == AlignFailure::kNotStill;
-}
-
-// The peg isn't free, its carrier can't move, it is larger than the hole, or the time is up.
-bool isHeld(AlignFailure failure) {
-  return failure == AlignFailure::kInContact || failure == AlignFailure::kStuck ||
-         failure == AlignFailure::kNotArrived || failure == AlignFailure::kNoContact ||
-         failure == AlignFailure::kTooTight || failure == AlignFailure::kTimeLimit;
-}
-
-bool isHeldOrFinal(AlignFailure failure) { return isHeld(failure) || isFinal(failure); }
-
 // A strategy that follows a failed one.
 struct Fallback {
   const char* name;
   AlignResult (*run)(Plant&, const Mechanism&, const AlignParameters&, const ProgressCallback&);
-  bool (*is_last)(AlignFailure);  // failures that it doesn't follow
+  bool FailureTraits::*follows;  // failures that it follows
 };
 
 // An estimate that a later strategy doesn't have.
@@ -86,7 +71,7 @@ AlignResult tryInTurn(Plant& plant, const Mechanism& mechanism, const AlignParam
   const PlantBlock start = plant.next({});
   AlignResult result = first(plant, mechanism, parameters, progress);
   for (const Fallback& other : others) {
-    if (result.success || other.is_last(result.failure)) continue;
+    if (result.success || !(traitsOf(result.failure).*other.follows)) continue;
     if (progress) progress({other.name, result.contacts, result.time, result.reason});
     try {
       if (!goBack(plant, start.carrier)) continue;
@@ -117,18 +102,17 @@ AlignResult tryInTurn(Plant& plant, const Mechanism& mechanism, const AlignParam
 AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const ProgressCallback& progress) {
   return tryInTurn(plant, mechanism, parameters, progress, doubleContact,
-                   {{"single_contact", singleContact, isFinal}});
+                   {{"single_contact", singleContact, &FailureTraits::single_contact_next}});
 }
 
 AlignResult autoSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                        const ProgressCallback& progress) {
-  // a final failure of twin_force, a coarse converter, is none of the locus
-  const Fallback last{"vibratory", vibratory, isHeld};
+  const Fallback last{"vibratory", vibratory, &FailureTraits::vibratory_next};
   if (plant.twinForce() == nullptr) {
     return tryInTurn(plant, mechanism, parameters, progress, touchSearch, {last});
   }
   return tryInTurn(plant, mechanism, parameters, progress, touchSearch,
-                   {{"twin_force", twinForce, isHeldOrFinal}, last});
+                   {{"twin_force", twinForce, &FailureTraits::twin_force_next}, last});
 }
 
 }  // namespace assembly_cell

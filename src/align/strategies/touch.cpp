@@ -30,21 +30,7 @@ constexpr double kMoreTilt = 0.01;
 // Height of the retreat after a failed attempt [m].
 constexpr double kRetreat = 8e-3;
 
-bool isRecoverable(AlignFailure failure) {
-  switch (failure) {
-    case AlignFailure::kWedged:
-    case AlignFailure::kForceLimit:
-    case AlignFailure::kSensorSaturated:
-    case AlignFailure::kNotStill:
-    case AlignFailure::kNotFree:
-    case AlignFailure::kNotInserted:
-    case AlignFailure::kNoPlaneReading:
-    case AlignFailure::kNoHoleUnderEdge:
-      return true;
-    default:
-      return false;
-  }
-}
+bool isRecoverable(AlignFailure failure) { return traitsOf(failure).touch_again; }
 
 bool isPlaneKnown(const SearchState& s) {
   return s.known.rotation_sd * std::min(1.0, s.scale.length) < kTiltSd;

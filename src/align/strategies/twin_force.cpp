@@ -119,25 +119,9 @@ class TwinForce {
   }
 
  private:
+  // a force that doesn't settle without a press is the sensor's own drift
   bool isRecoverable(AlignFailure failure) const {
-    switch (failure) {
-      case AlignFailure::kWedged:
-      case AlignFailure::kGaveWay:
-      case AlignFailure::kBothEdges:
-      case AlignFailure::kNotFree:
-      case AlignFailure::kNoPose:
-      case AlignFailure::kPressNotHeld:
-      case AlignFailure::kForceLimit:
-      case AlignFailure::kSensorSaturated:
-      case AlignFailure::kNotInserted:
-      case AlignFailure::kNotStill:
-      case AlignFailure::kNoPlaneReading:
-        return true;
-      case AlignFailure::kNotSettled:
-        return pressed_;
-      default:
-        return false;
-    }
+    return traitsOf(failure).twin_force_again && (failure != AlignFailure::kNotSettled || pressed_);
   }
 
   // Pose and entry from a place; AlignError when it fails there.

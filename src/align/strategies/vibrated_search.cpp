@@ -33,12 +33,6 @@ constexpr double kHoverGive = 4e-4;    // sideways, to find out whether the peg 
 constexpr double kHoverForce = 1.0;    // [N]
 constexpr int kHoverBlocks = 3, kHoverSteps = 3;
 
-// Failures with which another attempt would end, too.
-bool isFinal(AlignFailure failure) {
-  return failure == AlignFailure::kTooUncertain || failure == AlignFailure::kNoReading ||
-         failure == AlignFailure::kNoContact || failure == AlignFailure::kTimeLimit;
-}
-
 }  // namespace
 
 VibratedSearch::VibratedSearch(Search& search)
@@ -54,7 +48,7 @@ void VibratedSearch::run(const std::function<bool()>& attempt) {
       if (attempt()) return;
       throw AlignError(AlignFailure::kNotInserted, "resistance everywhere");
     } catch (const AlignError& error) {
-      if (k >= kAttempts || isFinal(error.failure)) throw;
+      if (k >= kAttempts || !traitsOf(error.failure).vibration_again) throw;
       recover(error, k);
     }
   }
