@@ -34,6 +34,8 @@ constexpr double kAfterPainleve = 1e-6;  // first step after a Painlevé impact 
 // between two values. After an event a dozen steps are as short.
 constexpr double kShortStep = 1e-10;  // [s]
 constexpr int kMaxShortSteps = 300;
+// Error that a step counts with where shorter ones have no smaller one: the next is longer.
+constexpr double kSettled = 0.1;
 constexpr double kMinSine = 0.1;  // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
 constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, relative to the time
@@ -82,6 +84,7 @@ void Simulation::Run::step(double t_end) {
   // steps with a larger error are accepted of springs that close and open alternately; with other
   // laws they would add energy. The last step before t_end is longer by a rounding
   const bool coarse = chatters && hasSprings(system) && trial.h <= 1.01 * kMinZenoStep;
+  if (integrator.stagnates(trial)) trial.error = kSettled;
   if (!trial.finite() || !(trial.error <= 1.0 || coarse)) return refuse(trial);
   if (chatters) {
     const bool off = trial.error > 1.0;

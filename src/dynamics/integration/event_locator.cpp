@@ -252,12 +252,13 @@ double hiddenEvent(const System& s, const Context& c, const Trial& step, const E
     e.count = inside.count;
     return broken(eventValues(s, c, inside)) > 0;
   };
+  // nearer to the step's start a dip is rounding: the step would end there again and again
   for (const double tau : dips) {
-    if (tau > 0.0 && broken_at(tau)) return tau;
+    if (tau > kEventTime && broken_at(tau)) return tau;
   }
   for (int i = 1; blind && i <= sampling; ++i) {
     const double tau = step.h * i / (sampling + 1);
-    if (broken_at(tau)) return tau;
+    if (tau > kEventTime && broken_at(tau)) return tau;
   }
   return 0.0;
 }

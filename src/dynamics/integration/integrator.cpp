@@ -35,6 +35,8 @@ constexpr double kFallen = 0.6;
 // Tolerated error of a slip velocity over its speed; forces of neighbouring points amplify it. Half
 // and twice: evaluations of alignments within 0.3 %.
 constexpr double kSlipError = 0.1;
+// Greatest error of a step whose error stagnates, and the relative difference that counts as none.
+constexpr double kStagnant = 10.0, kSame = 0.01;
 constexpr double kSafety = 0.9;                 // fraction of the step size that the error allows
 using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
 
@@ -316,8 +318,14 @@ bool Integrator::fallBackToExplicit(const Trial& step) {
   return true;
 }
 
+bool Integrator::stagnates(const Trial& step) const {
+  return step.method == Method::kSlowSlip && step.error < kStagnant &&
+         std::abs(step.error - pace_.refused) < kSame * step.error;
+}
+
 void Integrator::refuse(const System& s, const Context& c, const Trial& step, Evaluation& e) {
   pace_.next_step = step.h * shrinkBy(step);
+  pace_.refused = step.error;
   if (s.method != Method::kHamming || bridging_) return;
   if (step.h < kShortestHalf) {
     // no smooth history after halving: one step of dopri5, then a restart
@@ -337,6 +345,7 @@ void Integrator::refuse(const System& s, const Context& c, const Trial& step, Ev
 // Records what the method of the next step depends on.
 void Integrator::note(const Context& c, const Trial& step) {
   pace_.slow = step.method == Method::kSlowSlip;
+  pace_.refused = 0.0;
   pace_.stiff = !pace_.slow && step.h * c.slip_turning > kStiffTurn ? pace_.stiff + 1 : 0;
   if (pace_.explicit_left > 0) --pace_.explicit_left;
 }

@@ -68,6 +68,7 @@ class Integrator {
     int stiff = 0;                ///< consecutive steps limited by stability, not accuracy
     int explicit_left = 0;        ///< remaining steps without slow_slip.h after its failure
     double next_step = 0.0;       ///< [s]
+    double refused = 0.0;         ///< error of the rejected step before; 0: it was accepted
     Accepted last;                ///< since the last change of contact modes
   };
 
@@ -87,6 +88,9 @@ class Integrator {
   static double shrinkBy(const Trial& step);
   /// True if the step failed by its implicit equations; the next ones are explicit.
   bool fallBackToExplicit(const Trial& step);
+  /// True if the error of a step by slow_slip.h is small and didn't fall with its length: slip of a
+  /// jammed peg settles within a fraction of any step, and shorter ones gain nothing.
+  bool stagnates(const Trial& step) const;
   /// After a rejected step: reduces the step size.
   void refuse(const System& s, const Context& c, const Trial& step, Evaluation& e);
   /// After an accepted step; c is at its end.
