@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "assembly_cell/align/search/free_peg.h"
+#include "assembly_cell/align/strategies/search_area.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/mechanism/compliance.h"
@@ -22,8 +23,9 @@ using Mat3 = Eigen::Matrix3d;
 constexpr int kDrops = 8;
 // More attempts for small pegs: a miss rules out a disc of kRuledOut radii around the place, and
 // the hole is within kRegion of the start [m]. A peg of 25 mm radius gets none more, one of 3 mm
-// 39.
-constexpr double kRuledOut = 0.8, kRegion = 0.015;
+// 39. Beyond kLocated radii of standard deviation they go where no touch has ruled the hole out:
+// estimates from touches of the face alone lead to places far off.
+constexpr double kRuledOut = 0.8, kRegion = 0.015, kLocated = 0.5;
 // Height of the peg's lowest point above the face before a descent [m].
 constexpr double kOver = 3e-4;
 // Rest required before a touch. The remaining swing shifts the zero by less than 0.01 mm of the
@@ -153,6 +155,23 @@ TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& r
   }
   if (best.residuals == 0) throw AlignError(AlignFailure::kNoPlaneReading, why);
   return best;
+}
+
+// Centre of a hole in the region of starts that no touch has ruled out, in S. [m]
+std::optional<Vec3> untouched(const EdgeSearch& edge, const SearchState& s) {
+  std::vector<Vec2> touched;
+  for (const TouchReading& reading : edge.readings) {
+    const Vec3 axis = reading.X_SP.R.col(2);
+    const Vec3 low = axis * axis.dot(s.hole.normal) - s.hole.normal;
+    const Vec3 tip = reading.X_SP.p + tipRadius(s.mechanism.peg) * low.normalized();
+    touched.push_back(tip.head<2>());
+  }
+  const double reach = kRuledOut * s.mechanism.hole.radius;
+  const std::optional<Vec2> place =
+      nextPlace(edge.model.start, kRegion, reach, touched, edge.bottom.head<2>());
+  if (!place) return std::nullopt;
+  const Vec3& n = s.hole.normal;
+  return Vec3(place->x(), place->y(), (s.hole.height - n.head<2>().dot(*place)) / n.z());
 }
 
 }  // namespace
@@ -365,10 +384,15 @@ bool EdgeSearch::isFunnelled() const {
   return elsewhere && kSure * s_.known.position_sd < std::min(width, yields);
 }
 
-// Puts the low edge into the hole. False where it touches the face; the touch becomes a reading.
+// Puts the low edge into the hole, or where it may be. False where it touches the face; the touch
+// becomes a reading.
 bool EdgeSearch::drop(int attempt) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const Vec2 flat = axes.transpose() * toHole(s_, bottom);
+  const double radius = s_.mechanism.hole.radius;
+  const bool lost = kRuledOut * radius < kRegion && s_.known.position_sd > kLocated * radius;
+  const std::optional<Vec3> unknown = lost ? untouched(*this, s_) : std::nullopt;
+  const Vec3 centre = unknown.value_or(s_.hole.center);
+  const Vec2 flat = axes.transpose() * (centre - bottom);
   if (attempt == 0 || flat.norm() > kFarthest * s_.scale.length)
     heading_ = std::atan2(flat.y(), flat.x());
   else
@@ -376,13 +400,15 @@ bool EdgeSearch::drop(int attempt) {
   const Vec3 ahead = axes * Vec2(std::cos(heading_), std::sin(heading_));
   const double sd =
       std::sqrt(std::max(0.0, ahead.head<2>().dot(s_.hole.center_covariance * ahead.head<2>())));
+  // at a place that isn't an estimate the lowest point itself
   const double behind =
-      std::clamp(kSure * sd, kBehind * s_.scale.length, kFarthest * s_.scale.length);
+      unknown ? tipRadius(s_.mechanism.peg)
+              : std::clamp(kSure * sd, kBehind * s_.scale.length, kFarthest * s_.scale.length);
   const Mat3 R = tiltedTo(s_.hole.normal, heading_, s_.p.contact_tilt);
   const double over = kOver * s_.scale.travel;
   const double deep =
       kDeep * s_.scale.length + chamferDepth(s_.mechanism.hole) + chamferHeight(s_.mechanism.peg);
-  const Vec3 place = s_.hole.center - behind * ahead + (dip(R) + over) * s_.hole.normal;
+  const Vec3 place = centre - behind * ahead + (dip(R) + over) * s_.hole.normal;
   hover(place, R);
   const Vec3 lowest = place - (over + deep + kSure * s_.hole.height_sd) * s_.hole.normal;
   std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z, kFaster);
