@@ -1,8 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/align/failure.h"
 
-#include <iterator>
-
 namespace assembly_cell {
 namespace {
 

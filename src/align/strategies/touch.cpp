@@ -30,8 +30,6 @@ constexpr double kMoreTilt = 0.01;
 // Height of the retreat after a failed attempt [m].
 constexpr double kRetreat = 8e-3;
 
-bool isRecoverable(AlignFailure failure) { return traitsOf(failure).touch_again; }
-
 bool isPlaneKnown(const SearchState& s) {
   return s.known.rotation_sd * std::min(1.0, s.scale.length) < kTiltSd;
 }
@@ -79,7 +77,7 @@ void find(Search& search) {
       return;
     } catch (const AlignError& error) {
       without_hole += error.failure == AlignFailure::kNoHoleUnderEdge ? 1 : 0;
-      if (k >= kAttempts || without_hole == kWithoutHole || !isRecoverable(error.failure)) {
+      if (k >= kAttempts || without_hole == kWithoutHole || !traitsOf(error.failure).touch_again) {
         if (error.failure == AlignFailure::kWedged) edge.refuseTooTight();
         throw;
       }
