@@ -50,6 +50,7 @@ PressController::PressController(GuardedCarrier& carrier)
 bool PressController::approach(double floor, double faster) {
   // descend a little every block until a touch, which may push sideways rather than up
   const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
+  lowest_start_ = std::min(lowest_start_, start);
   // no faster with an arm or a carrier that answers late, which move on after the contact, nor in a
   // stiff coupling
   const Scale& scale = carrier_.limits().scale;
@@ -66,10 +67,10 @@ bool PressController::approach(double floor, double faster) {
       carrier_.wait(1);
       continue;
     }
-    if (start - target.z > carrier_.limits().descent) {
-      throw AlignError(AlignFailure::kNoContact,
-                       text("none within %.1f mm of descent from z %.4f m",
-                            carrier_.limits().descent * 1e3, start));
+    if (lowest_start_ - target.z > carrier_.limits().descent) {
+      throw AlignError(
+          AlignFailure::kNoContact,
+          text("none within %.1f mm of descent from z %.4f m", (start - target.z) * 1e3, start));
     }
     target.z -= step * carrier_.delay.slowing();
     delay_.command(target.z, carrier_.last().time);

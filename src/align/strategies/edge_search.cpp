@@ -28,16 +28,6 @@ constexpr int kDrops = 8;
 constexpr double kRuledOut = 0.8, kRegion = 0.015, kLocated = 0.5;
 // Height of the peg's lowest point above the face before a descent [m].
 constexpr double kOver = 3e-4;
-// Rest required before a touch. The remaining swing shifts the zero by less than 0.01 mm of the
-// peg's position, where a move ends within kPlaceSd. With the default Rest a cycle takes 0.4 s
-// longer, at level 2 1.2 s.
-constexpr Rest kNearlyAtRest{0.1, 2};
-// Blocks that are averaged for the zero of a touch.
-constexpr int kZeroBlocks = 2;
-// Age up to which a zero is used again [s]. Sensors that warm up drift by 0.2 N in this time, and
-// the peg's weight turns with the carrier. With a new zero for each touch a cycle takes 0.5 s
-// longer, at level 2 0.9 s.
-constexpr double kZeroLasts = 2.0;
 // Speed of the approach over that of approach_step. A touch then reaches F_t + K v T + K v²/(2a) =
 // 7 N, with F_t = 1.5 N, K = 30 N/mm, T = 20 ms, a = 1 m/s². With 1 a cycle takes 0.8 s longer,
 // with twice of it the force is 14 N.
@@ -161,6 +151,7 @@ TouchFit fitReadings(const TouchModel& model, const std::vector<TouchReading>& r
 std::optional<Vec3> untouched(const EdgeSearch& edge, const SearchState& s) {
   std::vector<Vec2> touched;
   for (const TouchReading& reading : edge.readings) {
+    if (reading.kind != TouchReading::kEdge) continue;
     const Vec3 axis = reading.X_SP.R.col(2);
     const Vec3 low = axis * axis.dot(s.hole.normal) - s.hole.normal;
     const Vec3 tip = reading.X_SP.p + tipRadius(s.mechanism.peg) * low.normalized();
@@ -295,12 +286,11 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
   }
   s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
   const ContactSensor& sensor = s_.carrier.sensor();
-  const double age = s_.carrier.last().time - sensor.tare().time;
   // an arm that is late, or may be before its first descent, is still on its way
   const bool late =
       s_.carrier.delay.slowing() < 1.0 || (readings.empty() && s_.carrier.limits().arm_delay > 0.0);
-  if (!late && age * s_.scale.time < kZeroLasts && sensor.heldForce() < sensor.freeForce()) return;
-  s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
+  if (!late && !search_.touch.isTareOld() && sensor.heldForce() < sensor.freeForce()) return;
+  search_.touch.tare();
   // the edge already rests on something
   for (int i = 0; sensor.tareShift() > sensor.freeShift(); ++i) {
     if (i == kHigher) {
@@ -310,7 +300,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     }
     over.z() += kRaise * s_.scale.travel;
     s_.carrier.moveTo(s_.frame.restFor(over, R), Move::kFree);
-    s_.carrier.tare(kZeroBlocks, kNearlyAtRest);
+    search_.touch.tare();
   }
 }
 
@@ -452,7 +442,17 @@ bool EdgeSearch::wall(const Vec3& direction) {
   const Mat3 R = s_.frame.carrierPose(s_.carrier.target()).R;
   const Vec3 across = s_.hole.normal.cross(direction);
   const Vec3 from = relaxed(R);
-  const Vec3 zero = s_.carrier.force();
+  // of a slow swing one block is no mean
+  const auto meanForce = [&] {
+    const int n = s_.scale.timed(1);
+    Vec3 mean = s_.carrier.force() / n;
+    for (int i = 1; i < n; ++i) {
+      s_.carrier.wait(1);
+      mean += s_.carrier.force() / n;
+    }
+    return mean;
+  };
+  Vec3 zero = meanForce();
   const auto push = [&](const Vec3& axis) {
     return -axis.dot(s_.frame.carrierPose(s_.carrier.last().carrier).R *
                      (s_.carrier.force() - zero));
@@ -493,8 +493,12 @@ bool EdgeSearch::wall(const Vec3& direction) {
     gentler = moved - 0.5 * pushed * softness(s_, direction, R);
     less = pushAt(s_, from + gentler * direction, R,
                   [&] { return Vec2(push(direction), push(across)); });
-    // a wall pushes half as much there; a swinging peg's force doesn't depend on the position
-    if (pushed - less.x() < kYields * pushed) pushed = 0.0;
+    // a wall pushes half as much there; the force of a peg that swung when its zero was taken
+    // doesn't depend on the position
+    if (pushed - less.x() < kYields * pushed) {
+      zero = meanForce();
+      pushed = 0.0;
+    }
   }
   const double at = gentler - less.x() * (moved - gentler) / (pushed - less.x());
   const double led = -less.y() * softness(s_, across, R);

@@ -247,18 +247,19 @@ double hiddenEvent(const System& s, const Context& c, const Trial& step, const E
   const bool blind = e.closed && !samples && needsSamples(c, step);
   if (dips[0] == 0.0 && dips[1] == 0.0 && !blind) return 0.0;
   inside = e;
+  // nearer to the step's start a dip is rounding: the step would end there again and again
   const auto broken_at = [&](double tau) {
+    if (tau <= kEventTime) return false;
     evaluate(s, c, c.time + tau, interpolate(c, step, tau), Level::kEvents, inside);
     e.count = inside.count;
     return broken(eventValues(s, c, inside)) > 0;
   };
-  // nearer to the step's start a dip is rounding: the step would end there again and again
   for (const double tau : dips) {
-    if (tau > kEventTime && broken_at(tau)) return tau;
+    if (broken_at(tau)) return tau;
   }
   for (int i = 1; blind && i <= sampling; ++i) {
     const double tau = step.h * i / (sampling + 1);
-    if (tau > kEventTime && broken_at(tau)) return tau;
+    if (broken_at(tau)) return tau;
   }
   return 0.0;
 }

@@ -41,9 +41,14 @@ class LightTouch {
   LightTouch(SearchState& state, Retreat& retreat) : s_(state), retreat_(retreat) {}
 
   /// Lowers the peg to a contact that is still there at rest, as that of a swinging peg isn't.
-  /// Returns nothing when the rest height `floor` [m] was reached without a contact; a touch that
-  /// is not isContact() when each one vanished. `faster`: see PressController::approach().
+  /// Takes the zero again where the peg hangs free and the tare is old. Returns nothing when the
+  /// rest height `floor` [m] was reached without a contact; a touch that is not isContact() when
+  /// each one vanished. `faster`: see PressController::approach().
   std::optional<Touch> lower(double floor, double faster = 1.0);
+  /// Takes the zero of a peg that hangs free and nearly at rest.
+  void tare();
+  /// Whether the sensor may have drifted since the latest tare by a part of a contact's force.
+  bool isTareOld() const;
   /// Measures the contact of the peg at rest where it is.
   Touch measure();
   /// Throws AlignError `wedged` for a contact that is steep or has vanished. R: the peg's axes in

@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <limits>
+
 #include "assembly_cell/align/search/guarded_carrier.h"
 
 namespace assembly_cell {
@@ -12,10 +14,11 @@ class PressController {
   explicit PressController(GuardedCarrier& carrier);
 
   /// Lowers the peg until it touches. False when the rest height `floor` [m] was reached without a
-  /// touch. Throws AlignError `no_contact` after the descent limit, and `wrong_mechanism` if the
-  /// delay in the first descent contradicts the file of the mechanism.
-  /// `faster`: factor of the speed. It is 1 with an arm or a carrier that answers late, and falls
-  /// to 1 with the stiffness of the coupling.
+  /// touch. Throws AlignError `no_contact` the descent limit below the lowest height that an
+  /// approach began at, since retreats raise the later ones. Throws `wrong_mechanism` if the delay
+  /// in the first descent contradicts the file of the mechanism. `faster`: factor of the speed. It
+  /// is 1 with an arm or a carrier that answers late, and falls to 1 with the stiffness of the
+  /// coupling.
   bool approach(double floor, double faster = 1.0);
   double touchZ() const { return touch_z_; }  ///< rest height at the last touch of approach() [m]
 
@@ -37,6 +40,7 @@ class PressController {
 
   GuardedCarrier& carrier_;
   double touch_z_ = 0.0;
+  double lowest_start_ = std::numeric_limits<double>::infinity();  // of approaches so far [m]
   double stiffness_;  // of the contact along z, by the last two forces [N/m]
   DelayMeter delay_;
   bool delay_checked_ = false;
