@@ -47,7 +47,7 @@ void alignFields(FieldList& f, AlignParameters& p) {
            "Longest alignment, cell time; 0: 60 s, more for shaken strategies, baselines, a small "
            "or large peg, one that swings for long or a late arm.");
   f.number("descent_limit", p.descent_limit, positive("m", 1),
-           "Longest descent without contact; scaled with the peg.");
+           "Descent without contact below the lowest start; scaled with the peg.");
   f.number("approach_step", p.approach_step, positive("m", 0.01),
            "Descent in one block before contact.");
   f.number(

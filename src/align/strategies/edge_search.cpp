@@ -107,18 +107,24 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
 }
 
+// Mean of `value` over the latest block and n - 1 further ones.
+template <class Value>
+auto meanOver(GuardedCarrier& carrier, int n, const Value& value) {
+  auto mean = (value() / n).eval();
+  for (int i = 1; i < n; ++i) {
+    carrier.wait(1);
+    mean += value() / n;
+  }
+  return mean;
+}
+
 // Mean of `push` with the peg's bottom at p, at rest. [N]
 template <class Push>
 Vec2 pushAt(SearchState& s, const Vec3& p, const Mat3& R, const Push& push) {
   s.carrier.moveTo(s.frame.restFor(p, R), Move::kNearly);
   const int n = s.scale.timed(kRest);
-  s.carrier.wait(n);
-  Vec2 sum = Vec2::Zero();
-  for (int i = 0; i < n; ++i) {
-    s.carrier.wait(1);
-    sum += push() / n;
-  }
-  return sum;
+  s.carrier.wait(n + 1);
+  return meanOver(s.carrier, n, push);
 }
 
 // A touch whose line of action is nearer to the axis than the edge may be on two points of the rim,
@@ -444,13 +450,7 @@ bool EdgeSearch::wall(const Vec3& direction) {
   const Vec3 from = relaxed(R);
   // of a slow swing one block is no mean
   const auto meanForce = [&] {
-    const int n = s_.scale.timed(1);
-    Vec3 mean = s_.carrier.force() / n;
-    for (int i = 1; i < n; ++i) {
-      s_.carrier.wait(1);
-      mean += s_.carrier.force() / n;
-    }
-    return mean;
+    return meanOver(s_.carrier, s_.scale.timed(1), [&] { return s_.carrier.force(); });
   };
   Vec3 zero = meanForce();
   const auto push = [&](const Vec3& axis) {
