@@ -493,10 +493,13 @@ bool EdgeSearch::wall(const Vec3& direction) {
     gentler = moved - 0.5 * pushed * softness(s_, direction, R);
     less = pushAt(s_, from + gentler * direction, R,
                   [&] { return Vec2(push(direction), push(across)); });
-    // a wall pushes half as much there; the force of a peg that swung when its zero was taken
-    // doesn't depend on the position
+    // a wall pushes half as much there, unless the peg sticks to it; a peg that swung when its zero
+    // was taken seems to be pushed everywhere
     if (pushed - less.x() < kYields * pushed) {
+      s_.carrier.moveTo(s_.frame.restFor(from, R), Move::kNearly);
+      s_.carrier.wait(s_.scale.timed(kRest));
       zero = meanForce();
+      s_.carrier.moveTo(s_.frame.restFor(from + moved * direction, R), Move::kNearly);
       pushed = 0.0;
     }
   }
