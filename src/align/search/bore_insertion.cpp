@@ -12,11 +12,16 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-constexpr double kFollow = 0.3;       // of the coupling's strain that the carrier takes out a block
-constexpr double kStuckTime = 0.4;    // without a step down [s]
-constexpr double kProgress = 5e-5;    // that is a step down [m]
-constexpr double kBackOut = 1e-3;     // the first time, then twice as far each time [m]
-constexpr double kPullOfLimit = 0.6;  // of the force limit, on the path up
+constexpr double kFollow = 0.3;     // of the coupling's strain that the carrier takes out a block
+constexpr double kStuckTime = 0.4;  // without a step down [s]
+constexpr double kProgress = 5e-5;  // that is a step down [m]
+constexpr double kBackOut = 1e-3;   // the first time, then twice as far each time [m]
+// Part of the depth that a jammed peg is pulled up by at most, and that it may spring back by when
+// it comes free: it stays in the hole.
+constexpr double kStaysIn = 0.5;
+// Force down that is allowed at any depth, three touches: more than the drift of the sensor's zero.
+constexpr double kLeastForce = 4.5;     // [N]
+constexpr double kPullOfLimit = 0.6;    // of the force limit, on the path out
 constexpr double kPullFraction = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;      // between a motion up and the next one down [s]
 constexpr double kOut = 2e-3;           // above the face is out of the hole [m]
@@ -131,8 +136,10 @@ int BoreInsertion::blocksToFollow(double time) const {
   return static_cast<int>(std::lround(s_.blocks(time) / s_.carrier.delay.slowing()));
 }
 
-void BoreInsertion::backOut(double travel) {
-  const double pull = kPullOfLimit * s_.p.force_limit;
+void BoreInsertion::backOut(double travel) { pullUp(travel, kPullOfLimit * s_.p.force_limit); }
+
+// Up by `travel` [m], or as far as `pull` [N] takes the peg, then until the walls relax.
+void BoreInsertion::pullUp(double travel, double pull) {
   // a measurement is a block and a half late
   const double slow = s_.carrier.delay.slowing();
   const double step =
@@ -170,6 +177,13 @@ double BoreInsertion::defaultTime() const {
   return std::max(s_.p.default_insert_time, kSlower * blocks * s_.block);
 }
 
+// Force against the motion down at this depth. [N]
+double BoreInsertion::maxForce() const {
+  const double strained =
+      kStaysIn * s_.inserted.end.depth * s_.mechanism.coupling.stiffness.diagonal(0);
+  return std::min(s_.p.insert.force, std::max(kLeastForce * s_.scale.force, strained));
+}
+
 // Down until the depth is reached, the peg is stuck or a force resists where the floor may be.
 BoreInsertion::End BoreInsertion::lower() {
   const InsertParameters& p = s_.p.insert;
@@ -178,7 +192,7 @@ BoreInsertion::End BoreInsertion::lower() {
   if (!p.floor && s_.inserted.end.depth >= p.depth) return End::kDeep;  // from the start
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
-    const double fraction = std::clamp(1.0 - opposing(1.0) / p.force, -0.5, 1.0);
+    const double fraction = std::clamp(1.0 - opposing(1.0) / maxForce(), -0.5, 1.0);
     const BoreReading measured =
         move((s_.inserted.end.depth > down.near ? down.careful : down.step) * fraction);
     if (measured.depth > deepest + kProgress) {
@@ -319,7 +333,8 @@ void BoreInsertion::insert() {
                                                    stuck.depth * 1e3, kBackOuts));
     }
     ++s_.inserted.backed_out;
-    backOut(std::min(travel, stuck.depth));
+    pullUp(std::min(travel, kStaysIn * stuck.depth),
+           std::min(s_.p.insert.force, kPullOfLimit * s_.p.force_limit));
     travel *= 2.0;
   }
   if (s_.p.insert.exciter > 0.0) shake(0.0);

@@ -24,7 +24,6 @@ class BoreInsertion {
   /// The peg is upright in the bore at depth AlignParameters::inserted, hanging free of load.
   void startInBore();
   /// Up by `travel` [m], or as far as a bounded pull takes the peg, then until the walls relax.
-  int blocksToFollow(double time) const;
   void backOut(double travel);
   /// Up along the bore and out of it from AlignParameters::inserted. Returns the target of the
   /// undeflected peg, in S; throws AlignError `stuck`.
@@ -39,6 +38,9 @@ class BoreInsertion {
   Descent descent(double slow) const;
   End lower();
   double opposing(double direction) const;
+  double maxForce() const;
+  void pullUp(double travel, double pull);
+  int blocksToFollow(double time) const;
   BoreReading move(double down);
   BoreReading measure();
   void sample(const BoreReading& measured, const Pose& X_SP);
