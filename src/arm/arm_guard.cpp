@@ -243,6 +243,7 @@ ArmGuard armGuard(const ArmLimits& limits, const Braking& braking, LeaseMode mod
   arm.allowed.fill(contactLimit(arm));
   arm.raw_allowed.fill(rawLimit(arm));
   for (Vector6& wrench : arm.wrench) wrench.setZero();
+  arm.sent.fill(arm.motion.out);
   return arm;
 }
 

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <memory>
+#include <new>
 #include <random>
 #include <string>
 #include <vector>
@@ -100,6 +103,25 @@ struct Cell {
 };
 
 // ---- each limit by itself stops a bad command ----
+
+// Samples may come before the first state of the arm: no point has been sent yet, so nothing moves.
+TEST(ArmGuard, PredictsNoMotionBeforeTheFirstPoint) {
+  struct Memory {
+    Memory() { std::memset(bytes, 0xff, sizeof bytes); }  // each double is a NaN
+    alignas(ArmGuard) unsigned char bytes[sizeof(ArmGuard)];
+  };
+  ArmLimits limits = noLimits();
+  limits.guard.force = 100.0;
+  Braking braking;
+  braking.stiffness = 1e4 * Matrix6::Identity();
+  const auto memory = std::make_unique<Memory>();
+  auto* arm = new (memory->bytes) ArmGuard(armGuard(limits, braking, LeaseMode::kRequired, true));
+  Vector6 weight = Vector6::Zero();
+  weight(2) = -20.0;
+  addSamples(*arm, {1, weight.data(), 1, kBlock, 0.0, Vector6::Zero(), nullptr});
+  EXPECT_EQ(arm->text, "");
+  arm->~ArmGuard();
+}
 
 TEST(ArmGuard, WithoutLimitsTheArmMoves) {
   Cell cell(noLimits());
