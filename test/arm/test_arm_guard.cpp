@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <memory>
 #include <new>
 #include <random>
 #include <string>
@@ -102,26 +101,23 @@ struct Cell {
   }
 };
 
-// ---- each limit by itself stops a bad command ----
-
 // Samples may come before the first state of the arm: no point has been sent yet, so nothing moves.
 TEST(ArmGuard, PredictsNoMotionBeforeTheFirstPoint) {
-  struct Memory {
-    Memory() { std::memset(bytes, 0xff, sizeof bytes); }  // each double is a NaN
-    alignas(ArmGuard) unsigned char bytes[sizeof(ArmGuard)];
-  };
   ArmLimits limits = noLimits();
   limits.guard.force = 100.0;
   Braking braking;
   braking.stiffness = 1e4 * Matrix6::Identity();
-  const auto memory = std::make_unique<Memory>();
-  auto* arm = new (memory->bytes) ArmGuard(armGuard(limits, braking, LeaseMode::kRequired, true));
+  alignas(ArmGuard) unsigned char memory[sizeof(ArmGuard)];
+  std::memset(memory, 0xff, sizeof memory);  // each double is a NaN
+  auto* arm = new (memory) ArmGuard(armGuard(limits, braking, LeaseMode::kRequired, true));
   Vector6 weight = Vector6::Zero();
   weight(2) = -20.0;
   addSamples(*arm, {1, weight.data(), 1, kBlock, 0.0, Vector6::Zero(), nullptr});
   EXPECT_EQ(arm->text, "");
   arm->~ArmGuard();
 }
+
+// ---- each limit by itself stops a bad command ----
 
 TEST(ArmGuard, WithoutLimitsTheArmMoves) {
   Cell cell(noLimits());
