@@ -166,9 +166,11 @@ void LocusNode::acknowledge(std::uint32_t sequence) {
 }
 
 void LocusNode::publishLocus() {
-  // nothing is computed while the exciter is off or without subscribers
-  if (!exciter_ || !exciter_->on ||
-      (output_.locus.getNumSubscribers() == 0 && output_.mode.getNumSubscribers() == 0)) {
+  // Nothing is computed while the exciter is off or without subscribers. In lockstep it is computed
+  // without them too: its last bits depend on the sample at which it began.
+  const bool wanted = settings_.lockstep || output_.locus.getNumSubscribers() > 0 ||
+                      output_.mode.getNumSubscribers() > 0;
+  if (!exciter_ || !exciter_->on || !wanted) {
     sliding_.reset();
     return;
   }

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
@@ -32,6 +33,7 @@ namespace {
 
 constexpr std::uint32_t kPlayQueue = 1000;
 constexpr auto kOthersPatience = std::chrono::seconds(5);
+constexpr double kCallPatience = 1.0;  // [s]
 constexpr auto kRepetitionPatience = std::chrono::milliseconds(500);
 
 // the sequence of a block of samples, if the message is one
@@ -56,6 +58,17 @@ ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
 // the name in the bag: relative to the recorded cell, unless it begins with a slash
 std::string recordedName(const std::string& space, const std::string& topic) {
   return topic[0] == '/' ? topic : ros::names::append(space, topic);
+}
+
+// topic and listener of each connection that `node` has by its own word
+std::set<std::pair<std::string, std::string>> connectionsOf(const std::string& node) {
+  std::set<std::pair<std::string, std::string>> connections;
+  const auto address = callMaster("lookupNode", node, kCallPatience);
+  if (!address) return connections;
+  if (auto list = callNode(XmlRpc::XmlRpcValue(*address), "getBusInfo", "", kCallPatience)) {
+    for (int i = 0; i < list->size(); ++i) connections.emplace((*list)[i][4], (*list)[i][1]);
+  }
+  return connections;
 }
 
 }  // namespace
@@ -279,6 +292,18 @@ void CellPlayer::awaitConnections() {
       if (Clock::now() < others && all != listeners.end() &&
           publisher.getNumSubscribers() < all->second.size()) {
         missing = "a listener of " + publisher.getTopic();
+      }
+    }
+    // estimates of the first blocks must reach who waits for them
+    for (const Participant& participant : participants_) {
+      if (!missing.empty() || Clock::now() >= others) break;
+      const std::string node = ros::names::append(nh_.getNamespace(), participant.name);
+      const auto connections = connectionsOf(node);
+      for (const auto& [topic, publishers] : state.publishers) {
+        if (std::count(publishers.begin(), publishers.end(), node) == 0) continue;
+        for (const std::string& listener : listeners[topic]) {
+          if (connections.count({topic, listener}) == 0) missing = listener + " to " + topic;
+        }
       }
     }
     if (missing.empty() && ack_sub_.getNumPublishers() < participants_.size()) {
