@@ -34,7 +34,7 @@ namespace {
 constexpr std::uint32_t kPlayQueue = 1000;
 constexpr auto kOthersPatience = std::chrono::seconds(5);
 constexpr double kCallPatience = 1.0;  // [s]
-constexpr auto kRepetitionPatience = std::chrono::milliseconds(500);
+constexpr auto kRepetitionPatience = std::chrono::seconds(5);
 
 // the sequence of a block of samples, if the message is one
 std::optional<std::uint32_t> blockSequence(const rosbag::MessageInstance& message) {

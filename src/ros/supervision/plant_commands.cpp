@@ -8,11 +8,18 @@
 #include "assembly_cell/ros/bridge/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
+namespace {
+
+// in lockstep a cell in one process sends 2000 commands a second: half a second of them
+constexpr std::uint32_t kCommandQueue = 1000;
+
+}  // namespace
 
 // Latched: a node that connects later has the state of carrier and exciter.
 PlantCommands::PlantCommands(ros::NodeHandle& nh)
-    : carrier_pub_(nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true)),
-      exciter_pub_(nh.advertise<Exciter>("exciter", kQueue, true)) {}
+    : carrier_pub_(
+          nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kCommandQueue, true)),
+      exciter_pub_(nh.advertise<Exciter>("exciter", kCommandQueue, true)) {}
 
 void PlantCommands::moveCarrier(const Pose& X_BC, const ros::Time& stamp) {
   commanded_ = X_BC;
