@@ -166,7 +166,7 @@ class Sensor {
   std::vector<DisplacementWithCovariance> displacement_;
   std::vector<SensorCalibration> calibration_;
   std::mutex mutex_;
-  std::uint32_t sequence_ = 0, first_ = 0;  // last sent, last of another test
+  std::uint32_t sequence_ = 0;  // last sent
 
  private:
   template <class M>
@@ -220,8 +220,7 @@ class Diagnostics {
         [this](const diagnostic_msgs::DiagnosticArray::ConstPtr& array) {
           const std::lock_guard<std::mutex> lock(mutex_);
           for (const auto& status : array->status) {
-            latest_[status.name] = status;
-            ++count_[status.name];
+            all_[status.name].push_back(status);
           }
         };
     sub_ = nh_.subscribe<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100, callback);
@@ -229,28 +228,30 @@ class Diagnostics {
   // a report that began after the call and for which the condition holds
   template <class Condition>
   diagnostic_msgs::DiagnosticStatus next(const std::string& name, const Condition& condition) {
-    const int before = count(name);
+    const std::size_t before = count(name);
     diagnostic_msgs::DiagnosticStatus found;
     EXPECT_TRUE(waitFor([&] {
       const std::lock_guard<std::mutex> lock(mutex_);
-      if (count_[name] <= before || !condition(latest_[name])) return false;
-      found = latest_[name];
-      return true;
+      const auto& all = all_[name];
+      for (std::size_t i = before; i < all.size(); ++i) {
+        found = all[i];
+        if (condition(found)) return true;
+      }
+      return false;
     })) << name
-        << ": " << latest_[name].message;
+        << ": " << found.message;
     return found;
   }
-  int count(const std::string& name) {
+  std::size_t count(const std::string& name) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    return count_[name];
+    return all_[name].size();
   }
 
  private:
   ros::NodeHandle nh_;
   ros::Subscriber sub_;
   std::mutex mutex_;
-  std::map<std::string, diagnostic_msgs::DiagnosticStatus> latest_;
-  std::map<std::string, int> count_;
+  std::map<std::string, std::vector<diagnostic_msgs::DiagnosticStatus>> all_;
 };
 
 inline std::string value(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
@@ -276,9 +277,7 @@ class ForceSensorDriver : public ::testing::Test {
   }
   Sensor a_{"sensor_a"}, b_{"sensor_b"};
 
-  ForceSensorDriver() {
-    a_.first_ = b_.first_ = a_.sequence_ = b_.sequence_ = next_sequence_ += 100000;
-  }
+  ForceSensorDriver() { a_.sequence_ = b_.sequence_ = next_sequence_ += 100000; }
   static std::uint32_t next_sequence_;  // blocks of all tests count on, as those of one source
 };
 inline std::uint32_t ForceSensorDriver::next_sequence_ = 0;

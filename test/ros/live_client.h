@@ -7,6 +7,8 @@
 
 #include <string>
 
+#include "assembly_cell/ros/bridge/service_call.h"
+
 // A client of dynamic_reconfigure, as others write it.
 namespace assembly_cell::test {
 
@@ -42,7 +44,7 @@ bool setLive(const std::string& node, const std::string& name, Value value,
   add(call.request.config, name, value);
   const std::string service = node + "/set_parameters";
   EXPECT_TRUE(ros::service::waitForService(service, ros::Duration(-1)));
-  const bool taken = ros::service::call(service, call);
+  const bool taken = ros_bridge::callService(service, call);
   if (after != nullptr) *after = call.response.config;
   return taken;
 }

@@ -350,7 +350,7 @@ TEST_F(Bridge, AnotherSessionsCommandsAreRefused) {
   session_ = 3;
   blocks(2);
   ros::NodeHandle other;
-  Child publisher({"rostopic", "pub", "-1", "/bridge/carrier_command", "geometry_msgs/PoseStamped",
+  Child publisher({"rostopic", "pub", "-l", "/bridge/carrier_command", "geometry_msgs/PoseStamped",
                    "{header: {stamp: {secs: 100, nsecs: 50000000}, frame_id: carrier_base}, "
                    "pose: {orientation: {w: 1.0}}}"});
   EXPECT_TRUE(waitFor([&] {

@@ -87,7 +87,9 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
   std::atomic<std::uint32_t> seed{1};
   bool was_active = false;
   const ros::WallTime begin = ros::WallTime::now();
-  for (int i = 0; i < kKills; ++i) {
+  // the slower the machine, the less is done before a kill
+  const auto worked = [&] { return acknowledged.ids().size() > 50 && by_hand > 10; };
+  for (int i = 0; i < kKills || (!worked() && i < 4 * kKills); ++i) {
     server.start();
     if (HasFatalFailure()) return;
 
@@ -163,8 +165,7 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
             << " acknowledged observations (" << by_hand << " by hand), " << most << " on disk, "
             << stored << " calibrations stored\n";
   // it did work meanwhile
-  EXPECT_GT(acknowledged.ids().size(), 50u);
-  EXPECT_GT(by_hand, 10);
+  EXPECT_TRUE(worked());
 
   // and comes to its end
   server.start();

@@ -65,7 +65,7 @@ class LocusEstimator : public ::testing::Test {
     keep("ack", acks_);
     keep("locus", loci_);
     keep("contact_mode", modes_);
-    enable_ = nh_.serviceClient<std_srvs::SetBool>("locus_estimator/enable");
+    enable_ = nh_.serviceClient<std_srvs::SetBool>("locus_estimator/enable", true);
     ASSERT_TRUE(enable_.waitForExistence(ros::Duration(kPatience)));
     ASSERT_TRUE(client_.waitForServer(ros::Duration(kPatience)));
     ASSERT_TRUE(waitFor([&] {

@@ -147,7 +147,7 @@ TEST_F(Records, ThatAreRequiredAndCannotBeStoredAreRefusedBeforeAnythingMoves) {
   recorder().signal(SIGSTOP);
   const std::size_t n = recorder_state_.size();
   const ros::WallTime stopped = ros::WallTime::now();
-  ASSERT_TRUE(waitFor([&] { return (ros::WallTime::now() - stopped).toSec() > 3.5; }));
+  ASSERT_TRUE(waitFor([&] { return (ros::WallTime::now() - stopped).toSec() > 6.0; }));
   EXPECT_LE(recorder_state_.size(), n + 1);
   refused("no message on recorder_state for");
   recorder().signal(SIGCONT);

@@ -212,14 +212,14 @@ TEST_F(Markers, DrawAsSetWhileTheyRun) {
   find("legend", 9, Marker::DELETE);
   EXPECT_EQ(drawn("legend", 0).size(), 0U);
 
-  // one in two seconds: the next picture comes, the one after it is late
+  // one in two seconds instead of 15 in one: the next picture comes, the one after it is late
   ASSERT_TRUE(test::setLive(node, "rate", 0.5));
   std::size_t n = markers_->size();
   ASSERT_TRUE(waitFor([&] { return markers_->size() > n; }));
   n = markers_->size();
   const auto start = ros::WallTime::now();
   ASSERT_TRUE(waitFor([&] { return markers_->size() >= n + 2; }));
-  EXPECT_GT((ros::WallTime::now() - start).toSec(), 1.9);
+  EXPECT_GT((ros::WallTime::now() - start).toSec(), 1.0);
 
   ASSERT_TRUE(test::setLive(node, "rate", 15.0));
   ASSERT_TRUE(test::setLive(node, "words", true));

@@ -206,9 +206,9 @@ TEST_F(Report, AParameterWithoutItsUnderscoreIsNamed) {
 TEST_F(Report, WaitsForASimulatorThatBelongsToTheCellAlone) {
   pause_.shutdown();
   running_ = true;
-  EXPECT_EQ(report({"_start_timeout:=2"}), 0) << output_;
+  EXPECT_EQ(report({}), 0) << output_;
   nh_.setParam("peg_hole_simulator/scenario", "cell.yaml");
-  EXPECT_EQ(report({"_start_timeout:=2"}), 1) << output_;
+  EXPECT_EQ(report({"_start_timeout:=8"}), 1) << output_;
   EXPECT_NE(output_.find("is the simulator running?"), std::string::npos) << output_;
   nh_.deleteParam("peg_hole_simulator");
 }

@@ -331,10 +331,11 @@ TEST_F(Faults, ARestartedSupervisorDoesNotKnowThePegUntilAGoalShows) {
     node("assembly_supervisor").signal(SIGKILL);
     const std::size_t n = state_.size();
     start("assembly_supervisor", "assembly_supervisor", "/faults");
-    ASSERT_TRUE(waitFor([&] { return state_.size() > n; }));
+    ASSERT_TRUE(waitFor([&] {
+      return state_.size() > n && state_.last()->reason.rfind("not known: ", 0) == 0;
+    })) << state_.last()->reason;
     ASSERT_TRUE(waitForCell());
     EXPECT_TRUE(state_.last()->in_contact);
-    EXPECT_EQ(state_.last()->reason.rfind("not known: ", 0), 0U) << state_.last()->reason;
   };
   const auto retreats = [this] {
     retreat_.sendGoal(RetreatGoal());
