@@ -249,7 +249,7 @@ TEST_F(DeviceTest, ComesBackAfterUnplugging) {
     ros::WallDuration(in(random)).sleep();
   }
   // the last attempt began at most a back-off earlier; it waits for HTTP and a start
-  EXPECT_LT(slowest, kLongestWait + 10.0);
+  EXPECT_LT(slowest, kLongestWait + 3.0);
   const auto seen = follower.seen();
   EXPECT_EQ(seen.wrong, 0u);
   EXPECT_EQ(seen.unordered, 0u);
